@@ -1,0 +1,1 @@
+"""Generators of stress-strain datasets, all run by one resumable campaign executor."""

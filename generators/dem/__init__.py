@@ -1,0 +1,1 @@
+"""True-triaxial tests of sphere packings by the discrete element method (LIGGGHTS)."""

@@ -1,0 +1,33 @@
+"""Errors that a user can cause; each text names the file, the field and the remedy."""
+
+
+class GranbenchError(Exception):
+    """Base of every error that a user can mend; the CLI prints its text and exits with 2."""
+
+
+class ConfigurationError(GranbenchError):
+    """A setting is outside what the physics or the program allows."""
+
+
+class DatasetError(GranbenchError):
+    """A file of stress-strain records does not follow the schema or differs from its hash."""
+
+
+class RegistryError(GranbenchError):
+    """A dataset, split or preset that nobody registered."""
+
+
+class DownloadError(GranbenchError):
+    """No mirror gave the file whole and with the registered hash."""
+
+
+class EngineError(GranbenchError):
+    """A simulation engine is missing, or ended a simulation."""
+
+
+class ModelError(GranbenchError):
+    """A model is unknown, its file is damaged, or it lacks what a path cannot give."""
+
+
+class SubmissionError(GranbenchError):
+    """A leaderboard submission that cannot be accepted."""

@@ -1,0 +1,153 @@
+"""Component orders, invariants and signs: the only place that knows them.
+
+Stress and strain are compression positive and the last axis holds the components; shear
+components are tensor components (eps_xy, not gamma_xy). Every function takes NumPy arrays,
+torch tensors or xarray's underlying arrays alike, and returns the same kind.
+"""
+
+from typing import Any
+
+from granbench.errors import ConfigurationError
+
+Array = Any  # numpy.ndarray or torch.Tensor: only arithmetic and indexing are used
+
+COMPONENT_ORDERS: dict[str, tuple[str, ...]] = {
+    "principal": ("11", "22", "33"),
+    "plane": ("xx", "yy", "xy"),
+    "full": ("xx", "yy", "zz", "yz", "xz", "xy"),
+}
+SHEAR_COMPONENTS: tuple[str, ...] = ("23", "13", "12")
+"""Off-diagonal components in the axes of a `principal` record."""
+
+
+def component_order(components: tuple[str, ...]) -> str:
+    """Name of the order whose labels are `components`.
+
+    Raises
+    ------
+    ConfigurationError
+        If no order has these labels.
+    """
+    for name, labels in COMPONENT_ORDERS.items():
+        if labels == tuple(components):
+            return name
+    known = "; ".join(f"{name}: {', '.join(labels)}" for name, labels in COMPONENT_ORDERS.items())
+    raise ConfigurationError(
+        f"components {', '.join(components)} follow no known order; use one of {known}"
+    )
+
+
+def _diagonal_and_shear(tensor: Array, order: str) -> tuple[list[Array], list[Array]]:
+    if order == "principal":
+        return [tensor[..., i] for i in range(3)], []
+    if order == "plane":
+        return [tensor[..., 0], tensor[..., 1]], [tensor[..., 2]]
+    if order == "full":
+        return [tensor[..., i] for i in range(3)], [tensor[..., i] for i in range(3, 6)]
+    raise ConfigurationError(
+        f"unknown component order {order!r}; use {', '.join(COMPONENT_ORDERS)}"
+    )
+
+
+def mean_stress(stress: Array, order: str = "principal") -> Array:
+    """Mean stress p: tr(sigma)/3, or tr(sigma)/2 in the `plane` order (the thesis' 6.6.2).
+
+    Parameters
+    ----------
+    stress : (..., component), Pa, compression positive
+    order : component order of the last axis
+
+    Returns
+    -------
+    (...), Pa
+    """
+    diagonal, _ = _diagonal_and_shear(stress, order)
+    return sum(diagonal) / len(diagonal)
+
+
+def deviatoric_stress(stress: Array, order: str = "principal") -> Array:
+    """Deviatoric stress q: sqrt(3/2 s:s), or sqrt(2 s:s) in the `plane` order (Eq 6.29).
+
+    Parameters
+    ----------
+    stress : (..., component), Pa, compression positive
+    order : component order of the last axis
+
+    Returns
+    -------
+    (...), Pa, never negative
+    """
+    diagonal, shear = _diagonal_and_shear(stress, order)
+    mean = sum(diagonal) / len(diagonal)
+    squares = sum((component - mean) ** 2 for component in diagonal)
+    squares = squares + sum(2.0 * component**2 for component in shear)
+    return (1.5 * squares if len(diagonal) == 3 else 2.0 * squares) ** 0.5
+
+
+def volumetric_strain(strain: Array, order: str = "principal") -> Array:
+    """Volumetric strain: the trace, compression positive.
+
+    Parameters
+    ----------
+    strain : (..., component), dimensionless
+    order : component order of the last axis
+
+    Returns
+    -------
+    (...), dimensionless
+    """
+    diagonal, _ = _diagonal_and_shear(strain, order)
+    return sum(diagonal)
+
+
+def intermediate_stress_ratio(stress: Array) -> Array:
+    """b = (sigma_22 - sigma_33)/(sigma_11 - sigma_33) of a `principal` stress.
+
+    The three directions keep their roles (axial, intermediate, minor) along a record, so b is
+    read from the axes and not from sorted values; it is undefined (NaN) at isotropic stress.
+
+    Parameters
+    ----------
+    stress : (..., 3), Pa
+
+    Returns
+    -------
+    (...), dimensionless
+    """
+    return (stress[..., 1] - stress[..., 2]) / (stress[..., 0] - stress[..., 2])
+
+
+def lode_sin3(stress: Array) -> Array:
+    """sin(3 theta) of a `principal` stress: +1 in triaxial compression, -1 in extension.
+
+    sin(3 theta) = 27/2 det(s)/q^3 with compression positive; undefined (NaN) at q = 0.
+
+    Parameters
+    ----------
+    stress : (..., 3), Pa
+
+    Returns
+    -------
+    (...), in [-1, 1]
+    """
+    mean = mean_stress(stress)
+    determinant = (stress[..., 0] - mean) * (stress[..., 1] - mean) * (stress[..., 2] - mean)
+    return 13.5 * determinant / deviatoric_stress(stress) ** 3
+
+
+def pi_plane(stress: Array) -> tuple[Array, Array]:
+    """Coordinates of a `principal` stress in the deviatoric (pi) plane.
+
+    The sigma_1 axis points up; the distance from the origin is sqrt(2/3) q.
+
+    Parameters
+    ----------
+    stress : (..., 3), Pa
+
+    Returns
+    -------
+    (x, y), each (...), Pa
+    """
+    x = (stress[..., 1] - stress[..., 2]) / 2.0**0.5
+    y = (2.0 * stress[..., 0] - stress[..., 1] - stress[..., 2]) / 6.0**0.5
+    return x, y
