@@ -1,1 +1,7 @@
-"""."""
+"""Protocols: a material cell and a dataset to predictions."""
+
+from granbench.protocols.evaluation import predict
+from granbench.protocols.free_run import noise, rollout, window
+from granbench.protocols.single_step import single_step
+
+__all__ = ["noise", "predict", "rollout", "single_step", "window"]

@@ -1,1 +1,6 @@
-"""."""
+"""Scoring: predictions and truth to numbers, without any model and without torch."""
+
+from granbench.scoring.metrics import METRIC_VERSION
+from granbench.scoring.scorecard import Curve, Score, Scorecard, score
+
+__all__ = ["METRIC_VERSION", "Curve", "Score", "Scorecard", "score"]

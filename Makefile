@@ -1,0 +1,60 @@
+# make setup demo test slow bench lint docs: everything that is done with this checkout.
+# Variables: PYTHON (3.11 or newer), VENV (where it is installed), OUT (where the demo writes).
+
+PYTHON ?= python3
+VENV ?= .venv
+OUT ?= demo-out
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DELETE_ON_ERROR:
+.PHONY: setup engine browser demo test slow bench lint docs clean
+
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+RUFF_FOLDERS := granbench generators baselines leaderboard tests benchmarks docs
+# The networks are small: one thread each is faster than two that wait for one another.
+export OMP_NUM_THREADS ?= 1
+
+setup: engine $(INSTALLED)
+
+$(INSTALLED): pyproject.toml requirements/constraints.txt
+	@.ci/system-packages python
+	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit( \
+	    "GranBench needs Python 3.11 or newer: run `make setup PYTHON=python3.11`")'
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@echo "installing GranBench into $(VENV)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	    --constraint requirements/constraints.txt --editable '.[generate,dev]'
+	@touch $@
+
+engine:
+	@.ci/system-packages engine
+
+browser:
+	@.ci/system-packages browser
+
+demo: setup
+	@PATH="$(abspath $(BIN)):$$PATH" bash docs/examples/demo.sh $(OUT)
+
+test: setup browser
+	$(BIN)/python -m pytest
+
+slow: setup browser
+	$(BIN)/python -m pytest -m slow
+
+bench: setup
+	@for script in benchmarks/*.py; do $(BIN)/python $$script; done
+
+# mypy cannot follow the folder mapping of an editable install: it reads the unpacked wheel.
+lint: setup
+	$(BIN)/ruff check $(RUFF_FOLDERS)
+	$(BIN)/ruff format --check $(RUFF_FOLDERS)
+	@rm -rf build && $(BIN)/python -m build --wheel --no-isolation --outdir build/wheel . >/dev/null
+	@$(BIN)/python -m zipfile --extract build/wheel/*.whl build/unpacked
+	MYPYPATH=build/unpacked $(BIN)/mypy -p granbench
+
+docs: setup
+	@$(BIN)/python -m granbench.data.card datasets/dem-triaxial-1.0.0.nc --out docs/datasets
+
+clean:
+	rm -rf build dist $(VENV) $(OUT)

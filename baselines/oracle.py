@@ -1,0 +1,88 @@
+"""`oracle`: a cell that is shown the answers. The ceiling of every task, it must score zero."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+import xarray as xr
+from torch import Tensor
+
+from granbench.baseline import TrainingRequest
+from granbench.cell import Conditions, MaterialCell, StateLayout
+from granbench.data.adapters import path_key
+from granbench.errors import ModelError
+
+
+class OracleCell(MaterialCell):
+    """Looks the next stress and void ratio up in the records it is scored on.
+
+    It knows its place by two scalars of the conditions that a model has no use for,
+    `path_key` and `step_index`; everything else goes through the contract, so a protocol or
+    metric that does not give it exactly zero is at fault.
+
+    Parameters
+    ----------
+    records : the truth
+    """
+
+    name = "oracle"
+    layout = StateLayout.of(stress=3, void_ratio=1, path=1, step=1)
+    internals = ("void_ratio",)
+
+    def __init__(self, records: xr.Dataset) -> None:
+        truth = [records["stress"].values, records["void_ratio"].values[..., None]]
+        self._truth = torch.from_numpy(np.concatenate(truth, axis=-1).astype(np.float64))
+        self._row_of = {path_key(name): row for row, name in enumerate(records["path_id"].values)}
+
+    def initial_state(self, conditions: Conditions) -> Tensor:
+        """See `MaterialCell.initial_state`.
+
+        Raises
+        ------
+        ModelError
+            If a path is not among the records.
+        """
+        try:
+            rows = [self._row_of[key] for key in conditions.require("path_key").tolist()]
+        except KeyError as error:
+            raise ModelError(
+                "the oracle was not shown one of these paths; load it with the whole dataset"
+            ) from error
+        row = torch.tensor(rows)
+        step = conditions.require("step_index").long()
+        return self._state(row, step)
+
+    def _state(self, row: Tensor, step: Tensor) -> Tensor:
+        known = self._truth[row, step]
+        return self.layout.pack(
+            stress=known[:, :3],
+            void_ratio=known[:, 3:],
+            path=row.to(self.dtype)[:, None],
+            step=step.to(self.dtype)[:, None],
+        )
+
+    def step(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        """See `MaterialCell.step`."""
+        row = state[:, self.layout["path"]].squeeze(-1).long()
+        following = self._state(row, state[:, self.layout["step"]].squeeze(-1).long() + 1)
+        return following[:, self.layout["stress"]], following
+
+
+class OracleBaseline:
+    """See `granbench.baseline.Baseline`."""
+
+    name = "oracle"
+    title = "Oracle: the truth itself"
+    presets: Sequence[str] = ()
+
+    def train(self, request: TrainingRequest) -> Path:
+        """There is nothing to train."""
+        raise ModelError("the oracle has nothing to train; use its name as the model")
+
+    def load(self, folder: Path | None, records: xr.Dataset) -> MaterialCell:
+        """See `granbench.baseline.Baseline.load`."""
+        return OracleCell(records)
+
+
+BASELINE = OracleBaseline()

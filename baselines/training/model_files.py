@@ -1,0 +1,116 @@
+"""A trained model on disk: `model.safetensors` with its weights, `model.json` about them."""
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from torch import Tensor, nn
+
+from granbench.baselines.training.tensor_files import read_tensors, unwritable, write_tensors
+from granbench.errors import ModelError
+
+WEIGHTS_FILE = "model.safetensors"
+DESCRIPTION_FILE = "model.json"
+
+
+@dataclass(frozen=True)
+class ModelDescription:
+    """What `model.json` says.
+
+    Parameters
+    ----------
+    baseline : name under which the architecture is registered
+    configuration : of the architecture
+    parameters : number of trainable parameters
+    training : dataset, seed, recipe, losses, duration and versions
+    weights_sha256 : of the bytes of `model.safetensors`
+    """
+
+    baseline: str
+    configuration: dict[str, Any]
+    parameters: int
+    training: dict[str, Any]
+    weights_sha256: str = ""
+
+
+def write_model(
+    folder: Path, weights: Mapping[str, Tensor], description: ModelDescription
+) -> Path:
+    """Write both files, each whole or not at all; the description comes last.
+
+    Returns
+    -------
+    folder
+
+    Raises
+    ------
+    ModelError
+        If the folder cannot be written or is full.
+    """
+    write_tensors(folder / WEIGHTS_FILE, weights)
+    sealed = asdict(description) | {"weights_sha256": _digest(folder / WEIGHTS_FILE)}
+    path = folder / DESCRIPTION_FILE
+    partial = folder / f".{DESCRIPTION_FILE}.part"
+    try:
+        partial.write_text(json.dumps(sealed, indent=2) + "\n")
+        os.replace(partial, path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise unwritable(path, error) from error
+    return folder
+
+
+def read_model(folder: Path) -> tuple[ModelDescription, dict[str, Tensor]]:
+    """Description and weights of a trained model.
+
+    Raises
+    ------
+    ModelError
+        If a file is missing or damaged, or the two do not belong together.
+    """
+    path = folder / DESCRIPTION_FILE
+    try:
+        description = ModelDescription(**json.loads(path.read_text()))
+    except FileNotFoundError as error:
+        raise ModelError(
+            f"{folder}: has no {DESCRIPTION_FILE}, so it holds no trained model; give the folder "
+            "that `granbench train` wrote"
+        ) from error
+    except (OSError, ValueError, TypeError) as error:
+        raise ModelError(
+            f"{path}: is damaged ({error}); train the model again or copy the file anew"
+        ) from error
+    weights, _ = read_tensors(folder / WEIGHTS_FILE)
+    if _digest(folder / WEIGHTS_FILE) != description.weights_sha256:
+        raise ModelError(
+            f"{folder / WEIGHTS_FILE}: its bytes are not those that {DESCRIPTION_FILE} records; "
+            "run the same `granbench train` again or copy both files anew"
+        )
+    return description, weights
+
+
+def load_weights(module: nn.Module, weights: Mapping[str, Tensor], source: Path) -> None:
+    """Put weights into a module that was built from the same description.
+
+    Raises
+    ------
+    ModelError
+        If a tensor is missing, unknown or of another shape.
+    """
+    try:
+        module.load_state_dict(dict(weights))
+    except RuntimeError as error:
+        first = str(error).strip().splitlines()[-1].strip()
+        raise ModelError(
+            f"{source / WEIGHTS_FILE}: does not fit the architecture in {DESCRIPTION_FILE} "
+            f"({first}); copy both files anew"
+        ) from error
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,97 @@
+"""How a network is trained: optimiser settings, learning-rate schedule, when to stop."""
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from granbench.errors import ConfigurationError
+
+ADAM_BETAS = (0.9, 0.999)
+ADAM_EPSILON = 1e-8
+"""Table 2.4."""
+
+SCHEDULES = ("constant", "cosine")
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Settings of one training run; the defaults are those of Table 2.4.
+
+    Parameters
+    ----------
+    batch_size : items a step of the optimiser
+    learning_rate : of Adam, where the schedule begins
+    schedule : `constant`, or `cosine` from `learning_rate` to `final_rate` over the run
+    final_rate : learning rate where a cosine schedule ends
+    epochs : passes over the training items, at most
+    patience : epochs without a lower validation loss after which the run ends
+
+    Raises
+    ------
+    ConfigurationError
+        If a setting is out of range.
+    """
+
+    batch_size: int = 256
+    learning_rate: float = 1e-3
+    schedule: Literal["constant", "cosine"] = "constant"
+    final_rate: float = 1e-6
+    epochs: int = 20_000
+    patience: int = 1000
+
+    def __post_init__(self) -> None:
+        for name in ("batch_size", "epochs", "patience"):
+            if getattr(self, name) < 1:
+                raise ConfigurationError(f"{name} is {getattr(self, name)}; it must be at least 1")
+        for name in ("learning_rate", "final_rate"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ConfigurationError(f"{name} is {getattr(self, name)}; it must be positive")
+        if self.schedule not in SCHEDULES:
+            raise ConfigurationError(
+                f"unknown schedule {self.schedule!r}; use {' or '.join(SCHEDULES)}"
+            )
+
+    def rate(self, progress: float) -> float:
+        """Learning rate when a share `progress` in [0, 1] of the run is over."""
+        if self.schedule == "constant":
+            return self.learning_rate
+        cosine = 0.5 * (1.0 + math.cos(math.pi * min(progress, 1.0)))
+        return self.final_rate + (self.learning_rate - self.final_rate) * cosine
+
+    def as_dict(self) -> dict[str, Any]:
+        """Settings by name, for a file."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Where this call of the engine stops, beside the recipe's own patience.
+
+    Parameters
+    ----------
+    epochs : in place of the recipe's; counted over all sessions of the run
+    seconds : of training, over all sessions of the run; None for no limit
+    """
+
+    epochs: int | None = None
+    seconds: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.epochs is not None and self.epochs < 1:
+            raise ConfigurationError(f"epochs is {self.epochs}; it must be at least 1")
+        if self.seconds is not None and not 0.0 < self.seconds < math.inf:
+            raise ConfigurationError(
+                f"the training budget is {self.seconds} s; it must be positive"
+            )
+
+    def progress(self, recipe: Recipe, epoch: int, seconds: float) -> float:
+        """Share of the run that is over after `epoch` epochs and `seconds` of training.
+
+        With a time limit the share follows whichever limit is nearer, so that a schedule comes
+        to its end on a slow machine too; such a run depends on the machine's speed, as its
+        length does. Without one it depends on the epoch alone.
+        """
+        share = epoch / (self.epochs or recipe.epochs)
+        if self.seconds is not None:
+            share = max(share, seconds / self.seconds)
+        return share

@@ -1,0 +1,69 @@
+"""Tensors with a description, in safetensors: reading a file never executes code."""
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from granbench.errors import ModelError
+
+_DESCRIPTION = "description"
+
+
+def write_tensors(path: Path, tensors: Mapping[str, Tensor], description: Any = None) -> None:
+    """Write tensors and a JSON description in one file, whole or not at all.
+
+    Parameters
+    ----------
+    path : file to write; an existing one is replaced
+    tensors : by name, on any device
+    description : anything that JSON can hold
+
+    Raises
+    ------
+    ModelError
+        If the folder cannot be written or is full.
+    """
+    stored = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+    partial = path.with_name(f".{path.name}.part")
+    try:
+        save_file(stored, partial, metadata={_DESCRIPTION: json.dumps(description)})
+        os.replace(partial, path)
+    except (OSError, SafetensorError) as error:
+        partial.unlink(missing_ok=True)
+        raise unwritable(path, error) from error
+
+
+def unwritable(path: Path, error: Exception) -> ModelError:
+    """The error for a file that could not be written."""
+    return ModelError(
+        f"{path}: cannot be written ({error}); choose a folder that exists, is writable and has "
+        "free space"
+    )
+
+
+def read_tensors(path: Path) -> tuple[dict[str, Tensor], Any]:
+    """Tensors by name, on the CPU, and the description.
+
+    Raises
+    ------
+    ModelError
+        If the file is missing, damaged or not a safetensors file.
+    """
+    if not path.is_file():
+        raise ModelError(f"{path}: there is no such file; check the name or train the model again")
+    try:
+        with safe_open(path, framework="pt") as file:
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            description = json.loads((file.metadata() or {}).get(_DESCRIPTION, "null"))
+    except (OSError, SafetensorError, ValueError) as error:
+        raise ModelError(
+            f"{path}: is damaged or no safetensors file ({error}); train the model again or "
+            "copy the file anew"
+        ) from error
+    return tensors, description

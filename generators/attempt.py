@@ -1,0 +1,188 @@
+"""One attempt at one campaign job: its process, what became of it, and its files."""
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import uuid
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from granbench.generators.campaign_folder import publish, run_is_open
+
+CHECK_INTERVAL = 0.2
+EXPLAIN_TIME = 60.0
+MESSAGE_LENGTH = 2000
+LEAST_FREE_BYTES = 1 << 20
+CRASHES = (signal.SIGSEGV, signal.SIGABRT, signal.SIGFPE, signal.SIGILL, signal.SIGBUS)
+
+
+@dataclass(frozen=True)
+class Request:
+    """One attempt at one job, as it is handed to a worker.
+
+    Attributes
+    ----------
+    key, slug, digest : the job's name, its name as a folder, and its identity
+    job : `function`, `configuration`, `seed` of the job, plain JSON values
+    inputs : result folder of each job that this one needs, by key
+    run : folder of the campaign's run; the attempt stops when the run is closed
+    results : folder that takes the result
+    """
+
+    key: str
+    slug: str
+    digest: str
+    job: dict[str, Any]
+    inputs: dict[str, str]
+    run: Path
+    results: Path
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How an attempt ended.
+
+    Attributes
+    ----------
+    kind : `done`; `failed`: the job itself failed, and would again; `killed`: something outside
+        ended it, another attempt may succeed; `closed`: the worker does not see the run's folder,
+        or it was closed; `blocked`: the machine cannot go on, such as with a full disk
+    reason : one sentence, empty when done
+    seconds : wall-clock time of the attempt
+    messages : the last that the job's process wrote to its standard output and error
+    permanent : whether a later command must not try again by itself
+    """
+
+    kind: Literal["done", "failed", "killed", "closed", "blocked"]
+    reason: str = ""
+    seconds: float = 0.0
+    messages: str = ""
+    permanent: bool = False
+
+
+def run_attempt(request: Request) -> Outcome:
+    """Run one job in a fresh process, and publish its files when it succeeds.
+
+    Runs on the worker, and returns when the job has ended, or soon after its run was closed;
+    every process of the job is gone then.
+    """
+    started = time.perf_counter()
+    # A name of its own for every attempt: two workers may be at the same job for a while, when
+    # the scheduler has lost touch with one of them.
+    attempt = request.run / f"{request.slug}.{uuid.uuid4().hex[:8]}"
+    try:
+        if not run_is_open(request.run):
+            return Outcome("closed", f"the worker does not see {request.run}")
+        (attempt / "out").mkdir(parents=True)
+        status = _run_process(request, attempt, explain=False)
+        seconds = time.perf_counter() - started
+        if not run_is_open(request.run):
+            return Outcome("closed", "the campaign was stopped")
+        outcome = _judge(request, attempt, status, seconds)
+        if outcome.kind == "done":
+            record = {
+                "key": request.key,
+                "digest": request.digest,
+                "needs": sorted(request.inputs),
+                "seconds": round(seconds, 3),
+                "messages": outcome.messages,
+                **request.job,
+            }
+            publish(attempt / "out", request.results, request.slug, record)
+        return outcome
+    except OSError as error:
+        return Outcome("blocked", f"{error.strerror or error} ({error.filename or attempt})")
+    finally:
+        shutil.rmtree(attempt, ignore_errors=True)
+
+
+def _judge(request: Request, attempt: Path, status: int, seconds: float) -> Outcome:
+    told = _read_outcome(attempt)
+    messages = _last_messages(attempt / "stderr.txt")
+    if status == 0 and told is not None:
+        return Outcome("done", seconds=seconds, messages=messages)
+    full = shutil.disk_usage(request.run).free < LEAST_FREE_BYTES
+    if full or (told is not None and told.get("cause") == "disk"):
+        return Outcome("blocked", f"no space is left on the disk of {request.run}")
+    if status < 0:
+        name = signal.Signals(-status).name
+        crash = -status in CRASHES
+        reason = f"its process {'crashed' if crash else 'was killed'} ({name})"
+        return Outcome("killed", reason, seconds, messages, permanent=crash)
+    if told is not None and told["error"] is not None:
+        if told["cause"] == "code":
+            return Outcome("blocked", f"{told['error']} (in {request.job['function']})")
+        if told["cause"] == "memory":
+            return Outcome("killed", told["error"], seconds, messages)
+        return Outcome("failed", told["error"], seconds, messages, permanent=True)
+    _run_process(request, attempt, explain=True)
+    explained = (_read_outcome(attempt) or {}).get("explanation")
+    reason = explained or f"its process ended with exit code {status} before the job was finished"
+    return Outcome("failed", " ".join(reason.split()), seconds, messages, permanent=True)
+
+
+def _run_process(request: Request, attempt: Path, *, explain: bool) -> int:
+    """Return the exit status of the job's process, negative for a signal."""
+    line = json.dumps(
+        {
+            **request.job,
+            "inputs": request.inputs,
+            "out": os.fspath(attempt / "out"),
+            "outcome": os.fspath(attempt / "outcome.json"),
+            "explain": explain,
+        }
+    )
+    # One thread a job, for the workers share the cores; a fixed hash seed, for a result must
+    # not depend on the order of a set.
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
+    if "PYTHONPATH" in environment:
+        # The process starts in another folder, so that stray files of an engine stay in there.
+        entries = environment["PYTHONPATH"].split(os.pathsep)
+        environment["PYTHONPATH"] = os.pathsep.join(map(os.path.abspath, entries))
+    with open(attempt / "stderr.txt", "ab") as messages:
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "granbench.generators.job_process"],
+            stdin=subprocess.PIPE,
+            stdout=messages,
+            stderr=messages,
+            cwd=attempt,
+            env=environment,
+            start_new_session=True,
+        )
+    assert process.stdin is not None
+    deadline = time.monotonic() + EXPLAIN_TIME if explain else float("inf")
+    try:
+        with contextlib.suppress(BrokenPipeError):
+            process.stdin.write(line.encode() + b"\n")
+            process.stdin.flush()
+        while run_is_open(request.run) and time.monotonic() < deadline:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                return process.wait(CHECK_INTERVAL)
+    finally:
+        # The whole group: what the job itself has started goes with it.
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        with contextlib.suppress(BrokenPipeError):
+            process.stdin.close()
+    return process.returncode
+
+
+def _read_outcome(attempt: Path) -> dict[str, Any] | None:
+    try:
+        return json.loads((attempt / "outcome.json").read_text())
+    except (OSError, ValueError):
+        return None
+
+
+def _last_messages(path: Path) -> str:
+    with open(path, "rb") as messages:
+        messages.seek(0, os.SEEK_END)
+        messages.seek(max(0, messages.tell() - MESSAGE_LENGTH))
+        return messages.read().decode(errors="replace")

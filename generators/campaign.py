@@ -1,0 +1,266 @@
+"""The resumable executor of all generators: runs jobs that depend on each other, once each.
+
+A job is a pure function of its configuration and seed and of the results of the jobs that it
+needs. It runs in a process of its own and leaves a folder of files, which appears whole or not at
+all. Whatever is killed, running the campaign again continues it and gives the same files.
+"""
+
+import queue
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as RichProgress
+
+from granbench.errors import ConfigurationError
+from granbench.generators.attempt import Outcome, Request
+from granbench.generators.campaign_folder import CampaignFolder
+from granbench.generators.schedule import Job, Schedule, digests
+from granbench.generators.workers import DaskWorkers, LocalWorkers
+
+__all__ = ["CampaignReport", "Job", "run_campaign"]
+
+ATTEMPTS = 3
+BAR_WIDTH = 24
+COLUMNS_WIDTH = 32
+
+Progress = Literal["bar", "quiet"]
+
+
+@dataclass(frozen=True)
+class CampaignReport:
+    """What a campaign has come to.
+
+    Attributes
+    ----------
+    done : result folder of every finished job, in the order of the jobs
+    failed : reason, by key, of every job without a result
+    skipped : the finished jobs whose results were there before
+    """
+
+    done: dict[str, Path]
+    failed: dict[str, str]
+    skipped: tuple[str, ...]
+
+
+def run_campaign(
+    jobs: Sequence[Job],
+    folder: Path,
+    *,
+    workers: int = 1,
+    scheduler: str | None = None,
+    progress: Progress = "bar",
+    retry_failed: bool = False,
+) -> CampaignReport:
+    """Run every job that has no result in the folder yet.
+
+    Parameters
+    ----------
+    jobs : in the order of their priority; a job starts when all that it needs is done
+    folder : of the campaign; on a cluster, one that all workers share
+    workers : jobs at a time on this machine
+    scheduler : address of a dask scheduler whose workers take the jobs instead
+    progress : a bar on the screen, or nothing
+    retry_failed : try jobs again that failed by themselves in an earlier run
+
+    Returns
+    -------
+    CampaignReport over all jobs; a job that failed is in `failed` and does not stop the others
+
+    Raises
+    ------
+    ConfigurationError : the jobs contradict each other or the folder's earlier results; the folder
+        is in use or cannot be written; nobody answers at `scheduler`
+    EngineError : the scheduler was lost
+    KeyboardInterrupt : Ctrl-C; the jobs under way are stopped, run again to continue
+    """
+    if workers < 1:
+        raise ConfigurationError(f"workers must be at least 1, not {workers}")
+    schedule = Schedule(jobs)
+    place = CampaignFolder(folder)
+    with place.locked(), place.explained_errors():
+        campaign = _Campaign(schedule, place)
+        campaign.take_up(retry_failed=retry_failed)
+        if campaign.open_count():
+            with place.open_run() as run:
+                team = DaskWorkers(scheduler, run) if scheduler else LocalWorkers(workers, run)
+                with closing(team), _shown(progress, campaign) as show:
+                    campaign.run(team, run, show)
+        return campaign.report()
+
+
+class _Campaign:
+    """One command's work on a campaign: the schedule, the folder, and what is known of each job."""
+
+    def __init__(self, schedule: Schedule, place: CampaignFolder) -> None:
+        self.schedule = schedule
+        self.place = place
+        self.digests = digests(schedule)
+        self.done: set[str] = set()
+        self.failed: dict[str, str] = {}
+        self.skipped: tuple[str, ...] = ()
+        self.running: dict[str, None] = {}
+        self._tries = dict.fromkeys(schedule.jobs, 0)
+
+    def take_up(self, *, retry_failed: bool) -> None:
+        """Count what earlier commands have left in the folder."""
+        failures: dict[str, str] = {}
+        for key, job in self.schedule.jobs.items():
+            result = self.place.result(job.slug)
+            failure = self.place.failure(job.slug)
+            for earlier in (result, failure):
+                if earlier is not None and earlier["digest"] != self.digests[key]:
+                    raise ConfigurationError(_difference(job, earlier, self.place.root))
+            if result is not None:
+                self.done.add(key)
+                self.schedule.finish(key)
+            elif failure is not None and failure["permanent"] and not retry_failed:
+                failures[key] = failure["reason"]
+        self.skipped = tuple(key for key in self.schedule.jobs if key in self.done)
+        for key, reason in failures.items():
+            if key not in self.failed:
+                self.failed[key] = reason
+                self._stop_users(key)
+
+    def open_count(self) -> int:
+        """Return how many jobs are neither done nor failed."""
+        return len(self.schedule.jobs) - len(self.done) - len(self.failed)
+
+    def run(self, team: LocalWorkers | DaskWorkers, run: Path, show: Callable[[], None]) -> None:
+        """Hand every job that can run to the workers, and take in how it ended."""
+        ended: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
+        while True:
+            while len(self.running) < team.capacity and (job := self.schedule.take()):
+                self.running[job.key] = None
+                self._tries[job.key] += 1
+                handed = team.submit(self._request(job, run), self.schedule.rank[job.key])
+                handed.add_done_callback(lambda ended_one, key=job.key: ended.put((key, ended_one)))
+            show()
+            if not self.running:
+                return
+            key, handed = ended.get()
+            outcome = team.outcome(handed)
+            del self.running[key]
+            self._settle(self.schedule.jobs[key], outcome)
+
+    def report(self) -> CampaignReport:
+        """Return what is known now."""
+        jobs = self.schedule.jobs
+        return CampaignReport(
+            done={k: self.place.results / job.slug for k, job in jobs.items() if k in self.done},
+            failed={key: self.failed[key] for key in jobs if key in self.failed},
+            skipped=self.skipped,
+        )
+
+    def _request(self, job: Job, run: Path) -> Request:
+        needed = {key: self.schedule.jobs[key].slug for key in job.needs}
+        return Request(
+            key=job.key,
+            slug=job.slug,
+            digest=self.digests[job.key],
+            job=job.plain(),
+            inputs={key: str(self.place.results / slug) for key, slug in needed.items()},
+            run=run,
+            results=self.place.results,
+        )
+
+    def _settle(self, job: Job, outcome: Outcome) -> None:
+        seconds = f"{outcome.seconds:.1f} s"
+        if outcome.kind == "done":
+            self.done.add(job.key)
+            self.place.forget_failure(job.slug)
+            self.place.log(f"done {job.key} {seconds}")
+            self.schedule.finish(job.key)
+        elif outcome.kind == "killed" and self._tries[job.key] < ATTEMPTS:
+            self.place.log(f"again {job.key} {seconds}: {outcome.reason}")
+            self.schedule.put_back(job.key)
+        elif outcome.kind in ("killed", "failed"):
+            times = f", {ATTEMPTS} times" if outcome.kind == "killed" else ""
+            self._record_failure(job, outcome.reason + times, outcome)
+            self._stop_users(job.key)
+        elif outcome.kind == "closed":
+            raise ConfigurationError(
+                f"{outcome.reason}; name a folder with --out that all workers share"
+            )
+        else:
+            raise ConfigurationError(
+                f"job {job.key} cannot be run: {outcome.reason}; mend that and run the same "
+                "command again to continue"
+            )
+
+    def _record_failure(self, job: Job, reason: str, outcome: Outcome) -> None:
+        self.failed[job.key] = reason
+        self.place.record_failure(
+            job.slug,
+            {
+                "key": job.key,
+                "digest": self.digests[job.key],
+                "reason": reason,
+                "permanent": outcome.permanent,
+                "seconds": round(outcome.seconds, 3),
+                "messages": outcome.messages,
+                "needs": sorted(job.needs),
+                **job.plain(),
+            },
+        )
+        self.place.log(f"failed {job.key} {outcome.seconds:.1f} s: {reason}")
+
+    def _stop_users(self, key: str) -> None:
+        # Not permanent: when the need succeeds in a later run, they run as well.
+        for user, need in self.schedule.fail(key):
+            job, reason = self.schedule.jobs[user], f"needs {need}, which failed"
+            known = self.place.failure(job.slug)
+            if known is not None and known["reason"] == reason:
+                self.failed[user] = reason
+            else:
+                self._record_failure(job, reason, Outcome("failed"))
+
+
+def _difference(job: Job, earlier: dict[str, Any], folder: Path) -> str:
+    """Say which setting of a job is not what it was when the folder's record was made."""
+    now = job.plain()
+    settings = {name: earlier.get(name) for name in now}
+    detail = f"a job that it needs ({', '.join(job.needs)}) was different"
+    for name in ("function", "seed"):
+        if settings[name] != now[name]:
+            detail = f"{name} was {settings[name]} and is {now[name]} now"
+    was, new = settings["configuration"] or {}, now["configuration"]
+    for name in sorted({*was, *new}):
+        if was.get(name) != new.get(name):
+            detail = f"{name} was {was.get(name)} and is {new.get(name)} now"
+            break
+    return (
+        f"the campaign folder {folder} holds job {job.key} with other settings: {detail}; name "
+        "another folder with --out, or give the earlier settings and --seed"
+    )
+
+
+@contextmanager
+def _shown(progress: Progress, campaign: _Campaign) -> Iterator[Callable[[], None]]:
+    """Show a bar while the campaign runs; the function that it gives brings it up to date."""
+    bar = RichProgress(
+        BarColumn(BAR_WIDTH),
+        MofNCompleteColumn(),
+        TextColumn("jobs, left"),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[current]}", style="dim", markup=False),
+        console=Console(stderr=True),
+        # Jobs take minutes: the time that is left follows from the speed of the last hour.
+        speed_estimate_period=3600.0,
+        disable=progress == "quiet",
+    )
+    room = max(bar.console.width - BAR_WIDTH - COLUMNS_WIDTH, 0)
+    task = bar.add_task("", total=len(campaign.schedule.jobs), current="")
+
+    def show() -> None:
+        failed = [f"{len(campaign.failed)} failed"] if campaign.failed else []
+        current = "; ".join([*failed, *campaign.running])
+        ended = len(campaign.done) + len(campaign.failed)
+        bar.update(task, completed=ended, current=current[:room])
+
+    with bar:
+        yield show

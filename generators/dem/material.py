@@ -1,0 +1,70 @@
+"""Contact material of the grains and the time steps that it allows."""
+
+from __future__ import annotations
+
+import math
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from granbench.errors import ConfigurationError
+
+RAYLEIGH_FRACTION = 0.2
+"""Step over the Rayleigh time: gives the curves of a step five times smaller."""
+
+STIFFNESS_PENALTY = 0.01
+"""beta of Eq 2.8; 0.01 reproduces every step of the thesis' Table 2.3."""
+
+
+class ContactMaterial(BaseModel):
+    """Hertz-Mindlin grains with rolling resistance (thesis Sec 2.1.2).
+
+    Parameters
+    ----------
+    density : kg/m3
+    young_modulus : Pa
+    poisson_ratio : 1
+    friction : 1, sliding friction coefficient while a specimen is sheared
+    rolling_friction : 1
+    restitution : 1
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    density: float = Field(2600.0, gt=0)
+    young_modulus: float = Field(0.8e9, gt=0)
+    poisson_ratio: float = Field(0.12, ge=0, lt=0.5)
+    friction: float = Field(0.4, ge=0)
+    rolling_friction: float = Field(0.05, ge=0)
+    restitution: float = Field(0.5, gt=0, le=1)
+
+    def rayleigh_time_step(self, smallest_radius: float) -> float:
+        """Return the Rayleigh time in s of the smallest grain of radius `smallest_radius` in m."""
+        shear_modulus = self.young_modulus / (2 * (1 + self.poisson_ratio))
+        travel = math.pi * smallest_radius * math.sqrt(self.density / shear_modulus)
+        return travel / (0.163 * self.poisson_ratio + 0.8766)
+
+    def critical_time_step(self, smallest_radius: float) -> float:
+        """Return the critical step of Eq 2.8 in s for the smallest radius in m."""
+        mass = self.density * 4 / 3 * math.pi * smallest_radius**3
+        stiffness = self.young_modulus / (3 * (1 + 2 * self.poisson_ratio)) * STIFFNESS_PENALTY
+        return 0.2 * math.pi * math.sqrt(mass / stiffness)
+
+    def time_step(self, smallest_radius: float) -> float:
+        """Return the step in s that the simulations use: a fifth of the Rayleigh time."""
+        step = RAYLEIGH_FRACTION * self.rayleigh_time_step(smallest_radius)
+        self.require_stable(step, smallest_radius)
+        return step
+
+    def require_stable(self, step: float, smallest_radius: float) -> None:
+        """Raise ConfigurationError if `step` (s) exceeds a fifth of Rayleigh's or Eq 2.8."""
+        bounds = {
+            "0.2 Rayleigh": RAYLEIGH_FRACTION * self.rayleigh_time_step(smallest_radius),
+            "Eq 2.8": self.critical_time_step(smallest_radius),
+        }
+        for name, bound in bounds.items():
+            if not 0 < step <= bound * (1 + 1e-12):
+                raise ConfigurationError(
+                    f"time_step {step:.3e} s is outside (0, {bound:.3e}] s, the bound of {name} "
+                    f"for a smallest radius of {smallest_radius:.4g} m; use a smaller step, "
+                    "larger grains or a softer material"
+                )

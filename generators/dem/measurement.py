@@ -1,0 +1,60 @@
+"""What is measured on a box of grains: contacts, coordination number, fabric, inertial number."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granbench.generators.dem.box import GrainBox
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Contacts of a state.
+
+    Parameters
+    ----------
+    normals : (contact, 3), unit vectors from the second to the first grain
+    grain_count : number of grains, rattlers included
+    """
+
+    normals: Floats
+    grain_count: int
+
+    @property
+    def coordination_number(self) -> float:
+        """Z = 2 N_c / N, over all grains."""
+        return 2 * len(self.normals) / self.grain_count
+
+    @property
+    def fabric(self) -> Floats:
+        """Contact fabric Phi = sum(n n) / N_c, (6,), order xx, yy, zz, yz, xz, xy; trace 1."""
+        if not len(self.normals):
+            return np.zeros(6)
+        tensor = self.normals.T @ self.normals / len(self.normals)
+        return tensor[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
+
+
+def contacts(box: GrainBox) -> Contacts:
+    """Read the present contacts, those across the periodic faces included."""
+    pairs = box.contact_pairs()
+    positions = box.engine.positions()
+    branch = positions[pairs[:, 0]] - positions[pairs[:, 1]]
+    branch -= box.lengths * np.round(branch / box.lengths)
+    length = np.linalg.norm(branch, axis=1, keepdims=True)
+    return Contacts(branch / length, box.grain_count)
+
+
+def inertial_number(rate: float, d50: float, density: float, mean_stress: float) -> float:
+    """Return I = rate d50 sqrt(rho / p) (Eq 2.6); rate in 1/s, d50 in m, stress in Pa."""
+    return rate * d50 * math.sqrt(density / mean_stress)
+
+
+def rate_at(inertial: float, d50: float, density: float, mean_stress: float) -> float:
+    """Return the strain rate in 1/s at which the inertial number of Eq 2.6 is `inertial`."""
+    return inertial / (d50 * math.sqrt(density / mean_stress))

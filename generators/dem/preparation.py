@@ -1,0 +1,267 @@
+"""Preparation of specimens: random grains, compressed isotropically and kept as restart files.
+
+The friction of the preparation, mu0, makes a packing dense or loose. It acts up to the lowest
+pressure; there the friction becomes the material's, and the packing is consolidated upward through
+the other pressures. One preparation so serves all loading paths.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from granbench.errors import ConfigurationError, EngineError
+from granbench.generators.dem.box import GrainBox
+from granbench.generators.dem.gradings import Grading
+from granbench.generators.dem.material import ContactMaterial
+from granbench.generators.dem.measurement import contacts, rate_at
+from granbench.generators.dem.packing import default_solid_fraction, place_grains
+from granbench.generators.dem.servo import StressServo
+
+APPROACH_INERTIAL_NUMBER = 1e-2
+"""While grains hardly touch; relative to the lowest pressure."""
+
+COMPRESSION_INERTIAL_NUMBER = 2.5e-3
+CHUNK_STRAIN = 3e-4
+PROBE_STRAIN = 2e-4
+
+STRESS_TOLERANCE = 3e-3
+"""Relative error of each normal stress at which a state counts as reached."""
+
+ENERGY_TOLERANCE = 1e-5
+"""Kinetic energy over p V at which a state counts as quasi-static."""
+
+CALM_CHUNKS = 5
+QUENCH_CHUNKS = 10
+"""Grains are stopped once in so many chunks while a state settles."""
+
+MOST_CHUNKS = 5000
+
+
+class PreparedState(BaseModel):
+    """An isotropic state that a test starts from.
+
+    Parameters
+    ----------
+    pressure : target mean stress, Pa
+    restart_file : name of the restart file in the specimen's folder
+    stress : (6,) Pa, compression positive, full order
+    bulk_modulus : tangent K, Pa, from a probe after the file was written
+    kinetic_energy_ratio : kinetic energy over p V
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    pressure: float
+    restart_file: str
+    stress: tuple[float, ...]
+    void_ratio: float
+    coordination_number: float
+    bulk_modulus: float
+    kinetic_energy_ratio: float
+
+
+class PreparedSpecimen(BaseModel):
+    """A prepared packing: its grains and its states in one folder.
+
+    Parameters
+    ----------
+    d50 : mass median diameter, m, the characteristic length of Eq 2.6
+    box_edge_ratio : box edge over the largest diameter at the highest pressure
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    folder: Path
+    material: ContactMaterial
+    preparation_friction: float
+    seed: int
+    particle_count: int
+    d50: float
+    box_edge_ratio: float
+    states: tuple[PreparedState, ...]
+
+    def state(self, pressure: float) -> PreparedState:
+        """Return the state at a pressure in Pa; ConfigurationError if it was not prepared."""
+        for state in self.states:
+            if abs(state.pressure / pressure - 1) < 1e-9:
+                return state
+        known = ", ".join(f"{state.pressure:g}" for state in self.states)
+        raise ConfigurationError(f"pressure {pressure:g} Pa was not prepared; use one of {known}")
+
+    def diameters(self) -> np.ndarray:
+        """Return the grain diameters, (grain,), m."""
+        return np.load(self.folder / DIAMETERS_FILE)
+
+    @classmethod
+    def load(cls, folder: Path) -> Self:
+        """Read a prepared specimen back; EngineError if the folder holds none."""
+        path = Path(folder) / SPECIMEN_FILE
+        try:
+            specimen = cls.model_validate_json(path.read_text())
+        except (OSError, ValueError) as broken:
+            raise EngineError(f"{path} holds no prepared specimen; prepare it again") from broken
+        return specimen.model_copy(update={"folder": Path(folder)})
+
+
+SPECIMEN_FILE = "specimen.json"
+DIAMETERS_FILE = "diameters.npy"
+
+
+def prepare_specimen(
+    grading: Grading,
+    preparation_friction: float,
+    pressures: Sequence[float],
+    seed: int,
+    folder: Path,
+    material: ContactMaterial | None = None,
+) -> PreparedSpecimen:
+    """Prepare one packing at every pressure; to be called in a process of its own.
+
+    Parameters
+    ----------
+    grading : the realised grading, diameters in m
+    preparation_friction : mu0 up to the lowest pressure
+    pressures : mean stresses p0, Pa
+    seed : of the grains' places
+    folder : created; the specimen's description is written last, so a folder that has one is whole
+    material : ContactMaterial() if None
+
+    Returns
+    -------
+    specimen : PreparedSpecimen
+
+    Raises
+    ------
+    EngineError : the engine is missing or a state was not reached
+    ConfigurationError : a setting is outside what is possible
+    """
+    if not pressures or min(pressures) <= 0:
+        raise ConfigurationError(f"pressures {tuple(pressures)!r} must be positive (Pa)")
+    if preparation_friction < 0:
+        raise ConfigurationError(
+            f"preparation_friction {preparation_friction!r} must not be negative"
+        )
+    material = material or ContactMaterial()
+    levels = sorted(pressures)
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    positions, edge = place_grains(
+        grading.diameters, default_solid_fraction(grading), np.random.default_rng(seed)
+    )
+    np.save(folder / DIAMETERS_FILE, grading.diameters)
+    box = GrainBox.from_packing(
+        folder / "preparation.log", folder / "grains.data", positions, grading.diameters, edge,
+        material, preparation_friction,
+    )  # fmt: skip
+    _approach(box, levels[0], grading.d50)
+    settle(box, levels[0], grading.d50, bulk_modulus=40 * levels[0])
+    box.set_friction(material.friction)
+    states = []
+    modulus = 40 * levels[0]
+    for pressure in levels:
+        if states:
+            _compress(box, pressure, grading.d50)
+        stress = settle(box, pressure, grading.d50, modulus)
+        name = f"p{pressure / 1e6:g}.restart"
+        box.write_restart(folder / name)
+        state = {
+            "pressure": pressure,
+            "restart_file": name,
+            "stress": tuple(stress.tolist()),
+            "void_ratio": box.void_ratio,
+            "coordination_number": contacts(box).coordination_number,
+            "kinetic_energy_ratio": box.kinetic_energy() / (pressure * box.volume),
+        }
+        edge = float(box.lengths.mean())
+        modulus = probe_bulk_modulus(box, pressure, grading.d50)
+        states.append(PreparedState(**state, bulk_modulus=modulus))
+    box.close()
+    specimen = PreparedSpecimen(
+        folder=folder, material=material, preparation_friction=preparation_friction, seed=seed,
+        particle_count=grading.diameters.size, d50=grading.d50,
+        box_edge_ratio=edge / grading.d_max, states=tuple(states),
+    )  # fmt: skip
+    partial = folder / (SPECIMEN_FILE + ".part")
+    partial.write_text(specimen.model_dump_json(indent=1))
+    partial.replace(folder / SPECIMEN_FILE)
+    return specimen
+
+
+def settle(box: GrainBox, pressure: float, d50: float, bulk_modulus: float) -> np.ndarray:
+    """Bring every normal stress to `pressure` (Pa) and wait until the grains are at rest.
+
+    Returns
+    -------
+    stress : (6,), Pa, mean of the last calm chunks
+
+    Raises
+    ------
+    EngineError : the state is not reached
+    """
+    rate = rate_at(COMPRESSION_INERTIAL_NUMBER, d50, box.material.density, pressure)
+    steps = _chunk(box, rate)
+    duration = steps * box.time_step
+    servo = StressServo(np.eye(3), np.eye(3))
+    increment = np.zeros(3)
+    calm: list[np.ndarray] = []
+    for number in range(MOST_CHUNKS):
+        stress = box.strain(increment, steps)
+        error = pressure - stress[:3]
+        # Grains that rattle without friction lose their energy at a snail's pace.
+        since_stop = number % QUENCH_CHUNKS
+        if since_stop == 0:
+            box.engine.stop_grains()
+        if np.max(np.abs(error)) < STRESS_TOLERANCE * pressure:
+            calm.append(stress)
+            quiet = box.kinetic_energy() < ENERGY_TOLERANCE * pressure * box.volume
+            if len(calm) >= CALM_CHUNKS and since_stop >= CALM_CHUNKS and quiet:
+                return np.mean(calm[-CALM_CHUNKS:], axis=0)
+        else:
+            calm.clear()
+        rates = servo.rates(error, bulk_modulus, duration, rate)
+        increment = np.clip(rates, -rate, rate) * duration
+    raise EngineError(
+        f"the stress of {pressure:g} Pa was not settled in {MOST_CHUNKS} chunks; see {box.log_path}"
+    )
+
+
+def probe_bulk_modulus(box: GrainBox, pressure: float, d50: float) -> float:
+    """Return the tangent bulk modulus K in Pa by a small isotropic compression."""
+    rate = rate_at(COMPRESSION_INERTIAL_NUMBER, d50, box.material.density, pressure)
+    steps = _chunk(box, rate)
+    before = box.strain(np.zeros(3), steps)[:3].mean()
+    box.strain(np.full(3, PROBE_STRAIN / 3), steps)
+    after = box.strain(np.zeros(3), steps)[:3].mean()
+    return float((after - before) / PROBE_STRAIN)
+
+
+def _approach(box: GrainBox, pressure: float, d50: float) -> None:
+    """Compress the loose grains until they carry a tenth of `pressure`."""
+    rate = rate_at(APPROACH_INERTIAL_NUMBER, d50, box.material.density, pressure)
+    _compress_until(box, 0.1 * pressure, rate)
+
+
+def _compress(box: GrainBox, pressure: float, d50: float) -> None:
+    rate = rate_at(COMPRESSION_INERTIAL_NUMBER, d50, box.material.density, pressure)
+    _compress_until(box, 0.98 * pressure, rate / 2)
+
+
+def _compress_until(box: GrainBox, pressure: float, rate: float) -> None:
+    steps = _chunk(box, rate)
+    increment = np.full(3, rate * steps * box.time_step)
+    for _ in range(MOST_CHUNKS):
+        if box.strain(increment, steps)[:3].mean() >= pressure:
+            return
+    raise EngineError(f"the packing never reached {pressure:g} Pa; see {box.log_path}")
+
+
+def _chunk(box: GrainBox, rate: float) -> int:
+    """Return the steps of a chunk of about CHUNK_STRAIN, sampled five times."""
+    steps = CHUNK_STRAIN / (rate * box.time_step)
+    box.sample_every(max(1, round(steps / 5)))
+    return box.whole_chunk(steps)

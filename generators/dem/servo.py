@@ -1,0 +1,87 @@
+"""The servo that finds the free strain rates of a stress-controlled test.
+
+Each chunk of straining ends with an averaged stress. The error of the controlled stresses is
+turned into a strain by an isotropic elastic guess, a fraction of which is made up in the next
+chunk; an integral part learns the steady rate (dilatancy) that the path needs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+SHEAR_OVER_BULK = 0.6
+
+
+@dataclass(frozen=True)
+class ServoGains:
+    """Gains and limits of the servo law.
+
+    Parameters
+    ----------
+    proportional : share of the elastic strain error made up in one chunk
+    integral : share of it added to the steady rate
+    integral_limit, rate_limit : bounds of the steady and of the whole rate, as multiples of the
+        driving rate; b = 1 needs a wide bound
+    """
+
+    proportional: float = 0.375
+    integral: float = 0.03
+    integral_limit: float = 3.0
+    rate_limit: float = 4.0
+
+
+@dataclass
+class StressServo:
+    """Proportional-integral control of k stress combinations by k strain rates.
+
+    Parameters
+    ----------
+    free_directions : (3, control), principal strain that each free rate gives
+    controlled_stresses : (control, 3), rows that give the controlled combinations
+    """
+
+    free_directions: Floats
+    controlled_stresses: Floats
+    gains: ServoGains = field(default_factory=ServoGains)
+
+    def __post_init__(self) -> None:
+        self._steady = np.zeros(self.free_directions.shape[1])
+
+    def rates(
+        self, error: Floats, bulk_modulus: float, duration: float, driving_rate: float
+    ) -> Floats:
+        """Return the free rates for the next chunk and learn from the last one.
+
+        Parameters
+        ----------
+        error : (control,), target less measured combinations, Pa
+        bulk_modulus : tangent bulk modulus K now, Pa; G = 0.6 K
+        duration : of a chunk, s
+        driving_rate : magnitude of the prescribed rate, 1/s
+
+        Returns
+        -------
+        rates : (control,), 1/s
+        """
+        stiffness = isotropic_stiffness(bulk_modulus, SHEAR_OVER_BULK * bulk_modulus)
+        jacobian = self.controlled_stresses @ stiffness @ self.free_directions
+        rate = np.linalg.solve(jacobian, error) / duration
+        gains = self.gains
+        bound = gains.integral_limit * driving_rate
+        self._steady = np.clip(self._steady + gains.integral * rate, -bound, bound)
+        bound = gains.rate_limit * driving_rate
+        return np.clip(self._steady + gains.proportional * rate, -bound, bound)
+
+    def rescale(self, factor: float) -> None:
+        """Multiply the learnt rates as the driving rate is: by -1 where it turns round."""
+        self._steady = self._steady * factor
+
+
+def isotropic_stiffness(bulk_modulus: float, shear_modulus: float) -> Floats:
+    """Return the elastic matrix (3, 3) between principal strain and stress, Pa."""
+    return np.full((3, 3), bulk_modulus - 2 / 3 * shear_modulus) + 2 * shear_modulus * np.eye(3)

@@ -1,0 +1,121 @@
+"""The `granbench` application: command groups put together, errors said in one sentence.
+
+The modules of the commands import what is heavy (torch, xarray, matplotlib) inside their
+functions, so that ``granbench --help`` answers at once.
+"""
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from typing import Annotated, NoReturn
+
+import typer
+
+from granbench import __version__
+from granbench.errors import GranbenchError
+
+USER_ERROR = 2
+INTERRUPTED = 130
+"""Exit code of a command that Ctrl-C ended, as shells have it (128 + SIGINT)."""
+
+app = typer.Typer(
+    name="granbench",
+    help="The open benchmark of data-driven geomechanics: generate, train, score.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def granbench(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
+    ] = False,
+) -> None:
+    """The open benchmark of data-driven geomechanics: generate, train, score."""
+
+
+# BEGIN temporary: until every command module exists
+import importlib
+
+for _name in ("data", "submission", "leaderboard"):
+    try:
+        app.add_typer(importlib.import_module(f"granbench.cli.{_name}").app, name=_name)
+    except ModuleNotFoundError as _e:
+        if not str(_e.name).startswith("granbench"):
+            raise
+for _name in ("generate", "train", "evaluate"):
+    try:
+        app.command(_name)(getattr(importlib.import_module(f"granbench.cli.{_name}"), _name))
+    except ModuleNotFoundError as _e:
+        if not str(_e.name).startswith("granbench"):
+            raise
+# END temporary
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run the application and leave with its exit code.
+
+    Parameters
+    ----------
+    arguments : the words after `granbench`; those of the process by default
+
+    Raises
+    ------
+    SystemExit
+        Always: 0 when done, 2 after an error that the user can mend (one line on stderr),
+        130 after Ctrl-C.
+    """
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")  # third parties talk to developers, not to the user
+    words = sys.argv[1:] if arguments is None else list(arguments)
+    try:
+        code = app(words, prog_name="granbench", standalone_mode=False)
+        # A reader that has gone, as in `granbench data list | head -1`, shows up on the flush.
+        sys.stdout.flush()
+    except GranbenchError as error:
+        _fail(str(error))
+    except typer.Abort:
+        code = INTERRUPTED
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except Exception as error:
+        _fail(_usage_error(error))
+    if code == INTERRUPTED:
+        typer.echo("interrupted; the same command continues where it can", err=True)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _fail(sentence: str) -> NoReturn:
+    typer.echo(sentence if sentence.startswith("Usage:") else f"error: {sentence}", err=True)
+    sys.exit(USER_ERROR)
+
+
+def _usage_error(error: Exception) -> str:
+    """What typer says of the words it was given; any other exception is raised again.
+
+    typer's usage errors are click's own or copies of them, by version; only the method is
+    the same in all.
+    """
+    format_message = getattr(error, "format_message", None)
+    if format_message is None:
+        raise error
+    message = str(format_message()).rstrip()
+    context = getattr(error, "ctx", None)
+    if message.startswith("Usage:") or context is None:
+        return message
+    link = " See" if message.endswith("?") else "; see"
+    return f"{message.rstrip('.')}{link} `{context.command_path} --help`"

@@ -1,0 +1,268 @@
+"""`granbench data`: list, info, fetch, verify and plot datasets."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from granbench.data.fetch import Progress as OnProgress
+
+app = typer.Typer(
+    help="Datasets: list, describe, fetch, verify and plot them.", no_args_is_help=True
+)
+
+Source = Annotated[str, typer.Argument(metavar="NAME|FILE", help="Dataset name or netCDF file.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+
+
+def _print_json(value: Any) -> None:
+    typer.echo(json.dumps(value, indent=2, ensure_ascii=False))
+
+
+@contextmanager
+def _download_bar(quiet: bool = False) -> Iterator["OnProgress"]:
+    """A bar on the terminal's stderr that appears with the first bytes."""
+    console = Console(stderr=True)
+    columns = (TextColumn("fetching"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
+    hidden = quiet or not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
+
+        def advance(done: int, total: int) -> None:
+            if not bar.task_ids:
+                bar.add_task("fetch", total=total)
+            bar.update(bar.task_ids[0], completed=done, total=total)
+
+        yield advance
+
+
+@app.command("list")
+def list_datasets(as_json: Json = False) -> None:
+    """List the registered datasets."""
+    from granbench.data.registry import entries
+    from granbench.data.store import present_file
+
+    rows = [(entry, present_file(entry)) for entry in entries()]
+    if as_json:
+        _print_json(
+            [
+                entry.model_dump(mode="json") | {"local_file": str(file) if file else None}
+                for entry, file in rows
+            ]
+        )
+        return
+    table = Table("dataset", "version", "tier", "size", "on this machine", "content")
+    for entry, file in rows:
+        size = f"{entry.bytes / 1e6:.1f} MB"
+        place = "yes" if file else "no"
+        table.add_row(entry.id, entry.version, entry.tier, size, place, entry.title)
+    Console().print(table)
+
+
+@app.command()
+def info(
+    source: Source,
+    as_json: Json = False,
+    paths: Annotated[bool, typer.Option("--paths", help="List every path instead.")] = False,
+) -> None:
+    """Describe a dataset: splits, loading, quality, and the scatter between packings."""
+    from granbench.data.store import file_of
+    from granbench.data.summary import summarise
+    from granbench.records import open_records
+
+    with _download_bar() as progress:
+        file = file_of(source, progress)
+    with open_records(file) as ds:
+        if paths:
+            _print_paths(ds, as_json)
+            return
+        summary = summarise(ds) | {"file": str(file), "bytes": file.stat().st_size}
+    if as_json:
+        _print_json(summary)
+    else:
+        _print_summary(summary)
+
+
+def _print_paths(ds: Any, as_json: bool) -> None:
+    columns = ("path_id", "specimen", "split", "loading_family")
+    rows = list(zip(*(ds[name].values.astype(str).tolist() for name in columns), strict=True))
+    if as_json:
+        _print_json([dict(zip(columns, row, strict=True)) for row in rows])
+        return
+    for row in rows:
+        typer.echo("  ".join(row))
+
+
+def _print_summary(summary: dict[str, Any]) -> None:
+    console = Console()
+    facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    facts.add_column()
+    facts.add_column(overflow="fold")
+    for key in ("file", "licence", "thesis_section", "generator", "engine", "content_sha256"):
+        facts.add_row(key.replace("_", " "), str(summary[key]))
+    facts.add_row("size", f"{summary['bytes'] / 1e6:.2f} MB")
+    facts.add_row(
+        "records",
+        f"{summary['paths']} paths of {summary['steps']} steps on {summary['specimens']} "
+        f"specimens, {summary['component_order']} components",
+    )
+    facts.add_row("variables", ", ".join(summary["variables"]))
+    for key in ("families", "gradings"):
+        if key in summary:
+            counts = summary[key].items()
+            facts.add_row(key, ", ".join(f"{label} ({count})" for label, count in counts))
+    if "pressures" in summary:
+        pressures = (f"{pressure / 1e6:g}" for pressure in summary["pressures"])
+        facts.add_row("p0", f"{', '.join(pressures)} MPa")
+    if "preparation_frictions" in summary:
+        facts.add_row("mu0", ", ".join(f"{mu:g}" for mu in summary["preparation_frictions"]))
+    if "initial_void_ratio" in summary:
+        low, high = summary["initial_void_ratio"]
+        facts.add_row("e0", f"{low:.3f} to {high:.3f}")
+    for key, value in summary["quality"].items():
+        facts.add_row(key.replace("_", " "), f"{value:.3g}")
+    console.print(f"[bold]{summary['dataset']} {summary['version']}[/bold]")
+    console.print(facts)
+    splits = Table("split", "paths", "specimens")
+    for name, counts in summary["splits"].items():
+        splits.add_row(name, str(counts["paths"]), str(counts["specimens"]))
+    console.print(splits)
+    for sentence in (_leak_sentence(summary["leaks"]), *_scatter_sentences(summary)):
+        console.print(sentence, highlight=False, soft_wrap=True)
+
+
+def _leak_sentence(leaks: dict[str, Any]) -> str:
+    kinds = ("shared_specimens", "shared_preparations", "identical_paths")
+    found = [f"{len(leaks[kind])} {kind.replace('_', ' ')}" for kind in kinds if leaks[kind]]
+    if found:
+        return f"Splits leak: {', '.join(found)}."
+    nearest = leaks["nearest_path_distance"]
+    if not nearest:
+        return "There is one split only."
+    pair = min(nearest, key=nearest.__getitem__)
+    return (
+        "No specimen, preparation or path is in two splits; the nearest paths of two splits "
+        f"({pair}) are {nearest[pair]:.3g} standard deviations apart."
+    )
+
+
+def _scatter_sentences(summary: dict[str, Any]) -> Iterator[str]:
+    scatter = summary["replicate_scatter"]
+    if scatter is None:
+        yield "No packing was prepared twice: the scatter between packings is unknown."
+        return
+    components = ", ".join(f"{rms:.3g}" for rms in scatter["stress_rms"])
+    yield (
+        f"Replicate scatter ({scatter['pairs']} pairs of paths, {scatter['specimens']} packings "
+        f"prepared again): RMS difference of stress {components} training standard deviations "
+        f"by component; normalised MSE {scatter['stress_mse']:.3g}, half of which, "
+        f"{scatter['floor_mse']:.3g}, is the lowest that a whole-path model can honestly score."
+    )
+    if scatter["void_ratio_rms"] is not None:
+        yield f"RMS difference of void ratio between packings: {scatter['void_ratio_rms']:.3g}."
+
+
+@app.command()
+def fetch(
+    name: Annotated[str, typer.Argument(help="Dataset name; NAME@VERSION for an older version.")],
+    dest: Annotated[
+        Path | None, typer.Option("--dest", help="Folder to put it into.", file_okay=True)
+    ] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Fetch a dataset from the nearest mirror and check it against the registry."""
+    from granbench.data.store import bring, dataset_file
+
+    with _download_bar(quiet) as progress:
+        file = bring(name, dest, progress) if dest else dataset_file(name, progress)
+    if as_json:
+        _print_json({"name": name, "file": str(file)})
+    elif not quiet:
+        typer.echo(str(file))
+
+
+@app.command()
+def verify(source: Source, as_json: Json = False, quiet: Quiet = False) -> None:
+    """Recompute the content hashes of a dataset; name the variable that differs."""
+    from granbench.data.store import file_of
+    from granbench.data.verification import verify_file
+
+    with _download_bar(quiet) as progress:
+        file = file_of(source, progress)
+    entry = verify_file(file)
+    if as_json:
+        registered = f"{entry.id}@{entry.version}" if entry else None
+        _print_json({"file": str(file), "verified": True, "registered": registered})
+    elif not quiet:
+        known = f"is {entry.id} {entry.version} of the registry" if entry else "is not registered"
+        typer.echo(f"{file}: every variable agrees with its hash; the dataset {known}")
+
+
+@app.command()
+def plot(
+    source: Source,
+    out: Annotated[Path | None, typer.Option("--out", help="PNG file to write.")] = None,
+    path: Annotated[
+        list[str] | None, typer.Option("--path", help="Path to draw, as `info --paths` names it.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Draw stress ratio and void ratio against axial strain."""
+    from granbench.data.store import file_of
+    from granbench.plotting.dataset import dataset_figure
+    from granbench.plotting.style import save_figure
+    from granbench.records import open_records
+
+    with _download_bar(quiet) as progress:
+        file = file_of(source, progress)
+    with open_records(file) as ds:
+        picture = save_figure(
+            dataset_figure(ds, paths=path or None), out or Path(f"{file.stem}.png")
+        )
+    if not quiet:
+        typer.echo(str(picture))
+
+
+@app.command(hidden=True)
+def register(
+    file: Annotated[Path, typer.Argument(help="Sealed netCDF file.")],
+    identifier: Annotated[str, typer.Option("--id", help="Name in the registry.")],
+    title: Annotated[str, typer.Option(help="One line for listings.")],
+    command: Annotated[str, typer.Option(help="The command that made it.")],
+    tier: Annotated[str, typer.Option(help="mini, core or paper.")] = "core",
+    mirror: Annotated[list[str] | None, typer.Option(help="Folder or address.")] = None,
+    replace: Annotated[bool, typer.Option(help="Before publication only.")] = False,
+) -> None:
+    """For maintainers: verify a file and write its registry entry."""
+    from granbench.data.publish import register as write_entry
+
+    entry = write_entry(
+        file,
+        identifier=identifier,
+        title=title,
+        command=command,
+        tier=tier,
+        mirrors=mirror or (),
+        replace=replace,
+    )
+    typer.echo(f"registered {entry.id} {entry.version}: {entry.bytes} bytes, {entry.sha256}")
+
+
+@app.command(hidden=True)
+def mini(
+    file: Annotated[Path, typer.Argument(help="The core dataset.")],
+    replace: Annotated[bool, typer.Option(help="Before publication only.")] = False,
+) -> None:
+    """For maintainers: cut the mini tier of a dataset into the package and register it."""
+    from granbench.data.publish import publish_mini
+
+    entry = publish_mini(file, replace=replace)
+    typer.echo(f"registered {entry.id} {entry.version}: {entry.bytes} bytes, {entry.sha256}")

@@ -1,0 +1,114 @@
+"""The card of a dataset: a page with what a soil mechanician looks at first, made from the file.
+
+``python -m granbench.data.card FILE --out FOLDER`` writes ``NAME-VERSION.md`` and a folder of
+figures beside it. Everything on the page is computed from the file, so it cannot go stale
+unnoticed.
+"""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+import xarray as xr
+from matplotlib.figure import Figure
+
+from granbench.data.card_text import card_text
+from granbench.errors import DatasetError, GranbenchError
+from granbench.plotting import (
+    critical_state_figure,
+    cyclic_figure,
+    dataset_figure,
+    pi_plane_figure,
+    preparation_figure,
+    quality_figure,
+    save_figure,
+)
+from granbench.records import open_records, verify
+
+FIGURES: dict[str, tuple[Callable[[xr.Dataset], Figure], str]] = {
+    "stress-strain": (
+        dataset_figure,
+        "Stress ratio and void ratio against axial strain of specimens of one grading that "
+        "differ in density only.",
+    ),
+    "critical-state": (
+        critical_state_figure,
+        "Void ratio against mean stress at the end of the monotonic tests; the lines are "
+        "e = e_c0 − λ_c (p/p_a)^0.7, fitted to each grading.",
+    ),
+    "pi-plane": (
+        pi_plane_figure,
+        "Peak and critical stresses in the deviatoric plane, divided by p.",
+    ),
+    "preparation": (
+        preparation_figure,
+        "Initial void ratio against preparation friction.",
+    ),
+    "cyclic": (
+        cyclic_figure,
+        "Hysteresis of cyclic tests, from the densest to the loosest specimen.",
+    ),
+    "quality": (
+        quality_figure,
+        "Share of the paths below each value of the control errors and of the inertial number.",
+    ),
+}
+
+
+def write_card(records: xr.Dataset, out: Path) -> Path:
+    """Write the page and its figures.
+
+    Parameters
+    ----------
+    records : sealed stress-strain records
+    out : folder for the page; the figures go to a folder in it that has the page's name
+
+    Returns
+    -------
+    The page.
+
+    Raises
+    ------
+    DatasetError
+        If the folder cannot be written.
+    """
+    name = f"{records.attrs['dataset']}-{records.attrs['version']}"
+    drawn, undrawn = {}, {}
+    for title, (draw, caption) in FIGURES.items():
+        try:
+            figure = draw(records)
+        except DatasetError as error:  # a figure that this dataset has no tests for
+            undrawn[title] = str(error)
+            continue
+        drawn[f"{name}/{save_figure(figure, out / name / f'{title}.png').name}"] = caption
+    page = out / f"{name}.md"
+    partial = out / f".{page.name}.part"
+    try:
+        partial.write_text(card_text(records, drawn, undrawn), encoding="utf-8")
+        os.replace(partial, page)
+    except OSError as error:
+        raise DatasetError(
+            f"{page}: the card cannot be written ({error.strerror or error}); choose a folder "
+            "that is writable and has free space"
+        ) from error
+    return page
+
+
+def _main(
+    file: Annotated[Path, typer.Argument(help="Sealed netCDF file of records.")],
+    out: Annotated[Path, typer.Option(help="Folder for the page.")],
+) -> None:
+    """Write the card of a dataset."""
+    try:
+        with open_records(file) as records:
+            verify(records, str(file))
+            typer.echo(write_card(records.load(), out))
+    except GranbenchError as error:
+        typer.echo(f"error: {error}", err=True)
+        raise typer.Exit(2) from error
+
+
+if __name__ == "__main__":
+    typer.run(_main)

@@ -1,0 +1,58 @@
+"""What values are scaled by: means and standard deviations of the training split, only."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from granbench.data.splits import select_split
+from granbench.errors import DatasetError
+
+VARIABLES = ("strain", "stress", "void_ratio")
+
+
+@dataclass(frozen=True)
+class Normalisation:
+    """Mean and standard deviation over every step of every training path.
+
+    Parameters
+    ----------
+    mean, std : by variable name; (component,) for stress and strain, () for a series, in the
+        variable's unit
+    """
+
+    mean: Mapping[str, NDArray[np.float64]]
+    std: Mapping[str, NDArray[np.float64]]
+
+    @classmethod
+    def from_training(cls, ds: xr.Dataset) -> "Normalisation":
+        """Those of `strain`, `stress` and, where the dataset has it, `void_ratio`.
+
+        Parameters
+        ----------
+        ds : the whole dataset; only its split `train` is read
+
+        Raises
+        ------
+        RegistryError
+            If there is no training split.
+        DatasetError
+            If a variable never varies in it.
+        """
+        training = select_split(ds, "train")
+        mean, std = {}, {}
+        for name in VARIABLES:
+            if name not in training:
+                continue
+            values = training[name].values.astype(np.float64)
+            mean[name] = values.mean(axis=(0, 1))
+            std[name] = values.std(axis=(0, 1))
+            if not (std[name] > 0.0).all():
+                raise DatasetError(
+                    f"{ds.attrs.get('dataset', 'the dataset')}: variable {name!r} has a component "
+                    "that never varies in the training split, so nothing can be divided by its "
+                    "standard deviation; use more training paths"
+                )
+        return cls(mean, std)

@@ -1,0 +1,191 @@
+"""For maintainers: cut the mini tier from a core dataset, and enter a file in the registry."""
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pooch
+import xarray as xr
+import yaml
+
+from granbench.data.fetch import MINI_FOLDER
+from granbench.data.registry import (
+    REGISTRY_FOLDER,
+    RegistryEntry,
+    checked_entry,
+    entries,
+    entry_path,
+)
+from granbench.data.splits import leak_report, split_hash
+from granbench.errors import DatasetError, RegistryError
+from granbench.records import open_records, verify, write_records
+
+MINI_BYTES = 1_000_000
+MINI_SPECIMENS = {"train": 3, "validation": 1, "test": 2}
+"""Packings of each split in the mini tier; two of any other split. Replicates come on top."""
+MINI_REPLICATES = 2
+
+
+def make_mini(ds: xr.Dataset) -> xr.Dataset:
+    """A few paths of a dataset: every split, every loading family, and two replicated packings.
+
+    Each chosen packing gives its first path of every family, with all its steps, so that the
+    mini tier runs through everything that the core dataset does.
+
+    Parameters
+    ----------
+    ds : the core dataset
+    """
+    rows = []
+    for specimen in _mini_specimens(ds):
+        of_specimen = np.flatnonzero(ds["specimen"].values.astype(str) == specimen)
+        _, first = np.unique(ds["loading_family"].values[of_specimen], return_index=True)
+        rows.extend(of_specimen[first].tolist())
+    mini = ds.isel(path=sorted(rows))
+    mini.attrs = {
+        **ds.attrs,
+        "dataset": f"{ds.attrs['dataset']}-mini",
+        "title": f"A few paths of {ds.attrs['dataset']} {ds.attrs['version']}",
+        "derived_from": f"{ds.attrs['dataset']} {ds.attrs['version']} "
+        f"{ds.attrs.get('content_sha256', '')}",
+    }
+    return mini
+
+
+def _mini_specimens(ds: xr.Dataset) -> list[str]:
+    """Names of the chosen packings: replicated ones first, then the most different ones."""
+    facts: dict[str, tuple[str, int, tuple[str, float]]] = {}
+    for row, name in enumerate(ds["specimen"].values.astype(str).tolist()):
+        kind = (str(ds["grading"].values[row]), float(ds["preparation_friction"].values[row]))
+        facts.setdefault(
+            name, (str(ds["split"].values[row]), int(ds["replicate"].values[row]), kind)
+        )
+    again = {kind: name for name, (_, replicate, kind) in facts.items() if replicate}
+    chosen: list[str] = []
+    replicates: list[str] = []
+    for split in dict.fromkeys(split for split, _, _ in facts.values()):
+        originals = [n for n, (s, replicate, _) in facts.items() if s == split and not replicate]
+        with_partner = [n for n in originals if facts[n][2] in again]
+        room = MINI_SPECIMENS.get(split, 2)
+        # One replicated packing of a split, the others spread over its list of packings.
+        picks = with_partner[:1] if len(replicates) < MINI_REPLICATES else []
+        replicates.extend(again[facts[name][2]] for name in picks)
+        others = [name for name in originals if name not in picks]
+        spread = np.linspace(0, len(others) - 1, min(len(others), room - len(picks)))
+        chosen.extend(picks + [others[int(i)] for i in spread.round()])
+    return chosen + replicates
+
+
+def write_mini(ds: xr.Dataset, folder: Path) -> Path:
+    """Write the mini tier of a dataset.
+
+    Raises
+    ------
+    DatasetError
+        If it comes out at a megabyte or more, too much for the wheel.
+    """
+    mini = make_mini(ds.load())
+    path = folder / f"{mini.attrs['dataset']}-{mini.attrs['version']}.nc"
+    write_records(mini, path)
+    if (size := path.stat().st_size) >= MINI_BYTES:
+        path.unlink()
+        raise DatasetError(
+            f"{path}: the mini tier would have {size} bytes and must stay below {MINI_BYTES}; "
+            "choose fewer packings in MINI_SPECIMENS"
+        )
+    return path
+
+
+def publish_mini(file: Path, *, replace: bool = False) -> RegistryEntry:
+    """Cut the mini tier of a core dataset's file into the package and register it.
+
+    Parameters
+    ----------
+    file : the sealed core dataset
+    replace : write over an entry of the same version, before it is published
+
+    Raises
+    ------
+    DatasetError, RegistryError
+        See `write_mini` and `register`.
+    """
+    with open_records(file) as ds:
+        mini = write_mini(ds, MINI_FOLDER)
+        parent = f"{ds.attrs['dataset']} {ds.attrs['version']}"
+        return register(
+            mini,
+            identifier=f"{ds.attrs['dataset']}-mini",
+            title=f"A few paths of {parent}, inside the package",
+            command=f"granbench data mini {file.name}",
+            tier="mini",
+            replace=replace,
+        )
+
+
+def register(
+    file: Path,
+    *,
+    identifier: str,
+    title: str,
+    command: str,
+    tier: str = "core",
+    mirrors: Iterable[str] = (),
+    replace: bool = False,
+) -> RegistryEntry:
+    """Verify a file, check it for leaks between splits and write its registry entry.
+
+    Parameters
+    ----------
+    file : sealed dataset whose attribute `dataset` is `identifier`
+    title : one line for listings
+    command : the command that made it
+    tier : see `RegistryEntry`
+    mirrors : folders or addresses that hold it
+    replace : write over an entry of the same version, before it is published
+
+    Raises
+    ------
+    DatasetError
+        If the file is damaged or its splits leak.
+    RegistryError
+        If its version is registered with other content, it calls itself otherwise, or a field
+        of the entry is not allowed.
+    """
+    with open_records(file) as ds:
+        verify(ds, str(file))
+        if str(ds.attrs["dataset"]) != identifier:
+            raise RegistryError(
+                f"{file}: its attribute 'dataset' is {ds.attrs['dataset']!r}, not {identifier!r}"
+            )
+        leaks = leak_report(ds)
+        if not leaks.clean:
+            raise DatasetError(f"{file}: its splits leak: {json.dumps(leaks.as_dict())}")
+        entry = checked_entry(
+            {
+                "id": identifier,
+                "version": str(ds.attrs["version"]),
+                "title": title,
+                "tier": tier,
+                "licence": str(ds.attrs["licence"]),
+                "thesis_section": str(ds.attrs["thesis_section"]),
+                "file": file.name,
+                "bytes": file.stat().st_size,
+                "sha256": pooch.file_hash(str(file), alg="sha256"),
+                "content_sha256": str(ds.attrs["content_sha256"]),
+                "split_sha256": split_hash(ds),
+                "generator": command,
+                "mirrors": tuple(mirrors),
+            },
+            source=str(file),
+        )
+    known = {(e.id, e.version): e for e in entries()}.get((entry.id, entry.version))
+    if known is not None and known.sha256 != entry.sha256 and not replace:
+        raise RegistryError(
+            f"{identifier} {entry.version} is registered with another file; published files never "
+            "change: give the dataset a new version"
+        )
+    REGISTRY_FOLDER.mkdir(exist_ok=True)
+    text = yaml.safe_dump(entry.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+    entry_path(entry.id, entry.version).write_text(text, encoding="utf-8")
+    return entry

@@ -1,0 +1,136 @@
+"""Splits are frozen in the files: chosen by name, hashed, and checked for leaks."""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import xarray as xr
+
+from granbench.errors import RegistryError
+
+FEATURE_STEPS = 61
+"""Steps of a path that the nearest-path distance looks at, evenly spaced: enough for the shape
+of a curve, and the distances of a thousand paths still fit in a few MB."""
+
+
+def split_names(ds: xr.Dataset) -> tuple[str, ...]:
+    """The splits of a dataset: train, validation, test, then the others by name."""
+    known = ("train", "validation", "test")
+    found = set(ds["split"].values.astype(str))
+    return tuple(n for n in known if n in found) + tuple(sorted(found - set(known)))
+
+
+def select_split(ds: xr.Dataset, split: str) -> xr.Dataset:
+    """The paths of one split.
+
+    Raises
+    ------
+    RegistryError
+        If the dataset has no such split; the text lists those it has.
+    """
+    chosen = np.flatnonzero(ds["split"].values.astype(str) == split)
+    if not chosen.size:
+        raise RegistryError(
+            f"{ds.attrs.get('dataset', 'the dataset')} has no split {split!r}; use one of "
+            f"{', '.join(split_names(ds))}"
+        )
+    return ds.isel(path=chosen)
+
+
+def split_hash(ds: xr.Dataset) -> str:
+    """SHA-256 over the (path, specimen, split) triples, whatever their order."""
+    columns = (ds[name].values.astype(str).tolist() for name in ("path_id", "specimen", "split"))
+    triples = sorted(zip(*columns, strict=True))
+    return hashlib.sha256(json.dumps(triples, ensure_ascii=False).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class LeakReport:
+    """What two splits have in common; a sound dataset has three empty tuples.
+
+    Parameters
+    ----------
+    shared_specimens : packings in more than one split
+    shared_preparations : "grading, mu0" pairs in more than one split: packings made alike with
+        another seed are nearly the same packing
+    identical_paths : pairs of path names with equal strain and stress, in any two splits or one
+    nearest_path_distance : RMS distance of the closest pair of paths, per pair of splits
+        ("test-train"), over strain and stress divided by their standard deviations
+    """
+
+    shared_specimens: tuple[str, ...]
+    shared_preparations: tuple[str, ...]
+    identical_paths: tuple[tuple[str, str], ...]
+    nearest_path_distance: dict[str, float]
+
+    @property
+    def clean(self) -> bool:
+        """Whether nothing leaks from one split into another."""
+        return not (self.shared_specimens or self.shared_preparations or self.identical_paths)
+
+    def as_dict(self) -> dict[str, object]:
+        """Plain values for JSON."""
+        return asdict(self)
+
+
+def leak_report(ds: xr.Dataset) -> LeakReport:
+    """Look for specimens, preparations and paths that two splits share.
+
+    Parameters
+    ----------
+    ds : the whole dataset
+    """
+    split = ds["split"].values.astype(str)
+    preparations = None
+    if "grading" in ds.coords and "preparation_friction" in ds.coords:
+        preparations = [
+            f"{grading}, mu0 = {friction:g}"
+            for grading, friction in zip(
+                ds["grading"].values, ds["preparation_friction"].values, strict=True
+            )
+        ]
+    return LeakReport(
+        shared_specimens=_shared(ds["specimen"].values.astype(str), split),
+        shared_preparations=_shared(preparations, split) if preparations else (),
+        identical_paths=_identical(ds),
+        nearest_path_distance=_nearest(ds, split),
+    )
+
+
+def _shared(labels: np.ndarray | list[str], split: np.ndarray) -> tuple[str, ...]:
+    splits_of: dict[str, set[str]] = {}
+    for label, name in zip(labels, split, strict=True):
+        splits_of.setdefault(str(label), set()).add(str(name))
+    return tuple(sorted(label for label, names in splits_of.items() if len(names) > 1))
+
+
+def _identical(ds: xr.Dataset) -> tuple[tuple[str, str], ...]:
+    first_of: dict[bytes, str] = {}
+    pairs = []
+    for row, name in enumerate(ds["path_id"].values.astype(str)):
+        digest = hashlib.sha256()
+        for variable in ("strain", "stress"):
+            digest.update(np.ascontiguousarray(ds[variable].isel(path=row).values).tobytes())
+        if (earlier := first_of.setdefault(digest.digest(), str(name))) != name:
+            pairs.append((earlier, str(name)))
+    return tuple(pairs)
+
+
+def _nearest(ds: xr.Dataset, split: np.ndarray) -> dict[str, float]:
+    steps = np.linspace(0, ds.sizes["step"] - 1, FEATURE_STEPS).round().astype(int)
+    parts = []
+    for name in ("strain", "stress"):
+        values = ds[name].isel(step=np.unique(steps)).values.astype(np.float64)
+        spread = values.std(axis=(0, 1))
+        parts.append(values / np.where(spread > 0.0, spread, 1.0))
+    features = np.concatenate(parts, axis=-1).reshape(ds.sizes["path"], -1)
+    names = split_names(ds)
+    nearest = {}
+    for i, one in enumerate(names):
+        for other in names[i + 1 :]:
+            a, b = features[split == one], features[split == other]
+            squared = (a**2).sum(1)[:, None] + (b**2).sum(1) - 2.0 * a @ b.T
+            # Cancellation may leave the distance of equal paths a little below zero.
+            nearest[f"{one}-{other}"] = float(np.sqrt(max(0.0, squared.min()) / features.shape[1]))
+    return nearest

@@ -1,0 +1,85 @@
+"""A dataset in numbers: what `granbench data info` prints and a dataset card begins with."""
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from granbench.data.replicates import replicate_pairs, replicate_scatter
+from granbench.data.splits import leak_report, split_names
+from granbench.tensors import component_order
+
+QUALITY = {
+    "servo_error_rms": "max",
+    "stress_ratio_error_rms": "max",
+    "peak_inertial_number": "max",
+    "box_edge_ratio": "min",
+}
+"""Per-path quality measures and which of their extremes is the worst."""
+
+
+def summarise(ds: xr.Dataset) -> dict[str, Any]:
+    """Counts, ranges, quality, leaks and replicate scatter, as plain values for JSON.
+
+    Parameters
+    ----------
+    ds : the whole dataset
+
+    Returns
+    -------
+    What the dataset has no coordinate for is left out; `replicate_scatter` is None when no
+    packing was prepared twice.
+    """
+    summary: dict[str, Any] = {
+        "dataset": str(ds.attrs["dataset"]),
+        "version": str(ds.attrs["version"]),
+        "licence": str(ds.attrs["licence"]),
+        "thesis_section": str(ds.attrs["thesis_section"]),
+        "generator": f"{ds.attrs['generator']} {ds.attrs['generator_version']}",
+        "engine": f"{ds.attrs['engine']} {ds.attrs['engine_version']}",
+        "content_sha256": str(ds.attrs.get("content_sha256", "")),
+        "component_order": component_order(tuple(map(str, ds["component"].values))),
+        "variables": sorted(map(str, ds.data_vars)),
+        "paths": ds.sizes["path"],
+        "steps": ds.sizes["step"],
+        "specimens": len(np.unique(ds["specimen"].values.astype(str))),
+        "splits": _splits(ds),
+        "families": _counts(ds, "loading_family"),
+    }
+    if "grading" in ds.coords:
+        summary["gradings"] = _counts(ds, "grading")
+    for name, key in (
+        ("initial_mean_stress", "pressures"),
+        ("preparation_friction", "preparation_frictions"),
+    ):
+        if name in ds.coords:
+            summary[key] = [float(value) for value in np.unique(ds[name].values)]
+    if "initial_void_ratio" in ds.coords:
+        void_ratio = ds["initial_void_ratio"].values
+        summary["initial_void_ratio"] = [float(void_ratio.min()), float(void_ratio.max())]
+    summary["quality"] = {
+        f"{worst}_{name}": float(getattr(np, f"nan{worst}")(ds[name].values))
+        for name, worst in QUALITY.items()
+        if name in ds.coords and not np.isnan(ds[name].values).all()
+    }
+    summary["leaks"] = leak_report(ds).as_dict()
+    has_floor = bool(replicate_pairs(ds)) and "train" in split_names(ds)
+    summary["replicate_scatter"] = replicate_scatter(ds).as_dict() if has_floor else None
+    return summary
+
+
+def _counts(ds: xr.Dataset, name: str) -> dict[str, int]:
+    labels, counts = np.unique(ds[name].values.astype(str), return_counts=True)
+    return {str(label): int(count) for label, count in zip(labels, counts, strict=True)}
+
+
+def _splits(ds: xr.Dataset) -> dict[str, dict[str, int]]:
+    split = ds["split"].values.astype(str)
+    specimen = ds["specimen"].values.astype(str)
+    return {
+        name: {
+            "paths": int((split == name).sum()),
+            "specimens": len(np.unique(specimen[split == name])),
+        }
+        for name in split_names(ds)
+    }

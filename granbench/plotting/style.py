@@ -1,0 +1,195 @@
+"""One look for every figure: truth as dots, model as line, one colour one model, grey-proof.
+
+Figures are built on `matplotlib.figure.Figure` itself, never on pyplot, so that drawing one
+changes nothing anywhere else and needs no screen.
+"""
+
+import zlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from granbench.errors import ConfigurationError
+
+PANEL_SIZE = (3.5, 2.9)
+"""Width and height of one panel, inches: two make a column of A4."""
+
+RESOLUTION = 130
+"""Dots per inch of a saved PNG: sharp in a page, some 100 kB."""
+
+SETTINGS = {
+    "axes.grid": True,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": 10.0,
+    "font.size": 9.0,
+    "grid.color": "0.9",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "lines.linewidth": 1.4,
+}
+
+house_style = mpl.rc_context(SETTINGS)
+"""Decorator of every function that draws: `SETTINGS` hold while it runs, and nowhere else."""
+
+TRUTH: dict[str, Any] = {
+    "color": "0.25",
+    "linestyle": "none",
+    "marker": "o",
+    "markersize": 2.6,
+    "markeredgewidth": 0.0,
+}
+"""Keywords of `Axes.plot` for ground truth."""
+
+MODEL_COLOURS = (
+    "#0072b2",
+    "#d55e00",
+    "#009e73",
+    "#cc79a7",
+    "#e69f00",
+    "#56b4e9",
+    "#5d3a9b",
+    "#8c564b",
+)
+"""Distinct for colour-blind readers too; the line style goes with the colour, for grey print."""
+LINE_STYLES: tuple[Any, ...] = (
+    "-",
+    "--",
+    "-.",
+    (0, (1, 1)),
+    (0, (5, 1, 1, 1, 1, 1)),
+    (0, (3, 3)),
+    (0, (8, 2)),
+    (0, (1, 3)),
+)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
+PALETTE_START = 14466
+"""Start value of the CRC that places a name in the palette: with it the first eight baselines
+of the benchmark fall on eight places."""
+
+
+@dataclass(frozen=True)
+class ModelStyle:
+    """How one model is drawn on every page.
+
+    Parameters
+    ----------
+    colour : hexadecimal
+    linestyle : what matplotlib takes
+    marker : where points are drawn
+    """
+
+    colour: str
+    linestyle: Any
+    marker: str
+
+    def line(self) -> dict[str, Any]:
+        """Keywords of `Axes.plot`."""
+        return {"color": self.colour, "linestyle": self.linestyle}
+
+
+def model_styles(names: Iterable[str]) -> dict[str, ModelStyle]:
+    """A style for each model of a page.
+
+    The place in the palette comes from the name alone, so a model looks the same on every
+    page. Only where two names of one page fall on the same place, the later in the alphabet
+    takes the next free one.
+    """
+    taken: set[int] = set()
+    styles = {}
+    count = len(MODEL_COLOURS)
+    for name in sorted(set(names)):
+        place = zlib.crc32(name.encode(), PALETTE_START) % count
+        while place in taken and len(taken) < count:
+            place = (place + 1) % count
+        taken.add(place)
+        styles[name] = ModelStyle(MODEL_COLOURS[place], LINE_STYLES[place], MARKERS[place])
+    return styles
+
+
+def figure_grid(
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    panel: tuple[float, float] = PANEL_SIZE,
+    share_x: bool = False,
+    share_y: bool = False,
+) -> tuple[Figure, list[Axes]]:
+    """An empty figure and its axes, row by row; call it under `house_style`.
+
+    Parameters
+    ----------
+    rows, columns : panels
+    panel : width and height of one, inches
+    share_x, share_y : whether panels of one column (row) share their axis
+    """
+    figure = Figure(figsize=(panel[0] * columns, panel[1] * rows), layout="constrained")
+    axes = figure.subplots(
+        rows,
+        columns,
+        squeeze=False,
+        sharex="col" if share_x else False,
+        sharey="row" if share_y else False,
+    )
+    return figure, list(axes.ravel())
+
+
+def ordered_colours(values: Sequence[float] | np.ndarray) -> tuple[list[Any], Any]:
+    """Colours that grow darker or lighter with a quantity, and the map for a colour bar.
+
+    Parameters
+    ----------
+    values : (n,), any unit, finite
+
+    Returns
+    -------
+    colours : (n,), of `cividis`, whose lightness rises evenly: it reads in grey
+    mappable : for `Figure.colorbar`
+    """
+    numbers = np.asarray(values, dtype=float)
+    low, high = (float(numbers.min()), float(numbers.max())) if numbers.size else (0.0, 1.0)
+    if high <= low:
+        high = low + (abs(low) or 1.0)
+    # The palest tenth of the map is too light for dots on white.
+    palette = mpl.colormaps["cividis"].resampled(256)
+    colours = palette(np.linspace(0.0, 0.9, 256))
+    scale = mpl.cm.ScalarMappable(
+        Normalize(low, high), mpl.colors.ListedColormap(colours, name="house")
+    )
+    return [scale.to_rgba(number) for number in numbers], scale
+
+
+def every(count: int, wanted: int) -> int:
+    """Stride that leaves about `wanted` of `count` points, for `markevery`."""
+    return max(1, round(count / wanted))
+
+
+def save_figure(figure: Figure, path: Path | str) -> Path:
+    """Write a figure as PNG, whole or not at all.
+
+    Raises
+    ------
+    ConfigurationError
+        If the folder cannot be written.
+    """
+    path = Path(path)
+    partial = path.with_name(f".{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(partial, format="png", dpi=RESOLUTION, metadata={"Software": None})
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise ConfigurationError(
+            f"{path}: the figure cannot be written ({error.strerror or error}); choose a folder "
+            "that is writable and has free space"
+        ) from error
+    return path

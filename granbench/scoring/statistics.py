@@ -1,0 +1,182 @@
+"""Statistics: what is known of each predicted path, before anything is averaged over paths."""
+
+import numpy as np
+import xarray as xr
+
+from granbench.data.normalisation import Normalisation
+from granbench.errors import SubmissionError
+from granbench.predictions import PROTOCOLS, quantise
+
+CEILING = 10.0
+"""Largest error that counts: ten training standard deviations, or ten times the true stress.
+
+A broken-down run has no error to average, and one finite outlier of 1e30 would drown all the
+others; both count as the ceiling, in every mean, median and worst case, and the share of
+broken-down paths is reported beside them.
+"""
+
+ERROR_POINT = 0.5
+"""Relative stress error above which a step is an error point (Sec 5.3)."""
+
+
+def align(truth: xr.Dataset, predictions: xr.Dataset) -> xr.Dataset:
+    """The records in the order of the predictions' paths.
+
+    Raises
+    ------
+    SubmissionError
+        If paths are missing, foreign, or of another length or component order.
+    """
+    position = {str(name): index for index, name in enumerate(truth["path_id"].values)}
+    predicted = [str(name) for name in predictions["path_id"].values]
+    if foreign := [name for name in predicted if name not in position]:
+        raise SubmissionError(
+            f"the predictions hold path {foreign[0]!r}, which is not among the scored paths of "
+            f"{truth.attrs.get('dataset', 'the dataset')}; predict its test and ood splits only"
+        )
+    if missing := sorted(set(position) - set(predicted)):
+        raise SubmissionError(
+            f"the predictions lack {len(missing)} of the {len(position)} scored paths, the first "
+            f"is {missing[0]!r}; predict every path of the test and ood splits"
+        )
+    ordered = truth.isel(path=[position[name] for name in predicted])
+    if predictions.sizes["step"] != truth.sizes["step"]:
+        raise SubmissionError(
+            f"the predictions have {predictions.sizes['step']} steps a path, the records have "
+            f"{truth.sizes['step']}; predict every step"
+        )
+    if list(predictions["component"].values) != list(truth["component"].values):
+        raise SubmissionError(
+            f"the predictions' components are {list(predictions['component'].values)}, the "
+            f"records' are {list(truth['component'].values)}; use the records' order"
+        )
+    return ordered
+
+
+def path_statistics(
+    predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation
+) -> xr.Dataset:
+    """Statistics of every path.
+
+    Parameters
+    ----------
+    predictions : see `granbench.predictions`
+    truth : the scored records, in any order
+    normalisation : training standard deviations
+
+    Returns
+    -------
+    Dataset over (seed, protocol, path), with `specimen`, `split` and `loading_family`:
+
+    - `component_squared_error` (.., component): mean over the predicted steps of the squared
+      normalised stress error, each clipped at `CEILING` squared; `stress_squared_error` is its
+      mean over components;
+    - `void_ratio_squared_error`, likewise, if it is predicted; `output_squared_error`: mean over
+      stress components and void ratio (the loss of Sec 2.2);
+    - `relative_error`: mean of |stress error| / |true stress| (Frobenius norms), clipped;
+    - `error_point_share`: share of steps with relative error above `ERROR_POINT` or broken down;
+    - `divergence_step`: first step from which every later one is an error point; inf if none;
+      `diverged`: 1 where there is one;
+    - `failed`: 1 where the run broke down (NaN) at some predicted step;
+    - `step_squared_error` (.., step): squared normalised stress error, mean over components.
+
+    Raises
+    ------
+    SubmissionError
+        If the predictions do not fit the records.
+    """
+    truth = align(truth, predictions)
+    counted = slice(1, None)  # every protocol's first predicted step, checked when opened
+    predicted = quantise(predictions["stress"].values)[..., counted, :].astype(np.float64)
+    true = quantise(truth["stress"].values)[..., counted, :].astype(np.float64)
+    broken = ~np.isfinite(predicted).all(axis=-1)
+
+    component_error = _squared(predicted, true, normalisation.std["stress"], broken[..., None])
+    step_error = component_error.mean(axis=-1)
+    relative = _relative(predicted, true, list(truth["component"].values.astype(str)), broken)
+    error_point = relative > ERROR_POINT
+    divergence_step = _divergence_step(error_point)
+
+    dims = ("seed", "protocol", "path")
+    by_component = component_error.mean(axis=-2)
+    columns: dict[str, tuple[tuple[str, ...], np.ndarray]] = {
+        "component_squared_error": ((*dims, "component"), by_component),
+        "stress_squared_error": (dims, by_component.mean(axis=-1)),
+        "step_squared_error": ((*dims, "step"), step_error),
+        "relative_error": (dims, relative.mean(axis=-1)),
+        "error_point_share": (dims, error_point.mean(axis=-1)),
+        "divergence_step": (dims, divergence_step),
+        "diverged": (dims, np.isfinite(divergence_step).astype(np.float64)),
+    }
+    if "void_ratio" in predictions:
+        void_ratio = quantise(predictions["void_ratio"].values)[..., counted].astype(np.float64)
+        true_void_ratio = quantise(truth["void_ratio"].values)[..., counted].astype(np.float64)
+        void_broken = ~np.isfinite(void_ratio)
+        error = _squared(
+            void_ratio, true_void_ratio, normalisation.std["void_ratio"], void_broken
+        ).mean(axis=-1)
+        outputs = by_component.shape[-1]
+        columns["void_ratio_squared_error"] = (dims, error)
+        columns["output_squared_error"] = (
+            dims,
+            (by_component.sum(axis=-1) + error) / (outputs + 1),
+        )
+        broken = broken | void_broken
+    columns["failed"] = (dims, broken.any(axis=-1).astype(np.float64))
+    paths = {
+        name: ("path", truth[name].values.astype(object))
+        for name in ("path_id", "specimen", "split", "loading_family")
+    }
+    return xr.Dataset(
+        columns,
+        {
+            "seed": predictions["seed"].values,
+            "protocol": predictions["protocol"].values,
+            "component": predictions["component"].values,
+            "step": np.arange(1, truth.sizes["step"]),
+            **paths,
+        },
+    )
+
+
+def horizon_means(step_error: np.ndarray, protocol: str) -> tuple[np.ndarray, np.ndarray]:
+    """Errors averaged over the steps that lie equally far from given truth.
+
+    Parameters
+    ----------
+    step_error : (..., step) from the first predicted step on
+    protocol : label of the protocol
+
+    Returns
+    -------
+    (horizon (k,), means (..., k))
+    """
+    horizon = PROTOCOLS[protocol].horizon(step_error.shape[-1] + 1)[1:]
+    present = np.unique(horizon)
+    means = [step_error[..., horizon == value].mean(axis=-1) for value in present]
+    return present, np.stack(means, axis=-1)
+
+
+def _squared(
+    predicted: np.ndarray, true: np.ndarray, scale: np.ndarray, broken: np.ndarray
+) -> np.ndarray:
+    error = np.where(broken, CEILING, np.abs(predicted - true) / scale)
+    return np.minimum(error, CEILING) ** 2
+
+
+def _relative(
+    predicted: np.ndarray, true: np.ndarray, components: list[str], broken: np.ndarray
+) -> np.ndarray:
+    # A shear component stands twice in the tensor: "12" and "21".
+    weight = np.array([1.0 if label[0] == label[1] else 2.0 for label in components])
+    error = np.sqrt((weight * (predicted - true) ** 2).sum(axis=-1))
+    norm = np.sqrt((weight * true**2).sum(axis=-1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(error == 0.0, 0.0, error / norm)
+    return np.minimum(np.where(broken, CEILING, ratio), CEILING)
+
+
+def _divergence_step(error_point: np.ndarray) -> np.ndarray:
+    steps = error_point.shape[-1]
+    lost = np.cumprod(error_point[..., ::-1], axis=-1).sum(axis=-1)
+    return np.where(lost > 0, steps - lost + 1.0, np.inf)

@@ -1,0 +1,118 @@
+"""The board's folder: accepted submissions, one JSON and one netCDF file each, by task."""
+
+import os
+import re
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import xarray as xr
+
+from granbench.errors import SubmissionError
+from granbench.leaderboard.submission import Submission, read_submission, write_submission
+from granbench.leaderboard.validation import validate
+
+MINIMUM_SEEDS = 3
+
+
+@dataclass(frozen=True)
+class Row:
+    """A submission and the file that holds it."""
+
+    submission: Submission
+    file: Path
+
+
+def default_folder() -> Path:
+    """`leaderboard/submissions` of the checkout that granbench runs from."""
+    return Path(__file__).parent / "submissions"
+
+
+def slug(name: str) -> str:
+    """A file name from a model's name."""
+    return re.sub(r"[^a-z0-9.]+", "-", name.lower()).strip("-.")
+
+
+def accept(
+    file: Path, folder: Path, dataset: xr.Dataset | None = None, *, replace: bool = False
+) -> Path:
+    """Validate a submission and copy it and its predictions onto the board.
+
+    Parameters
+    ----------
+    file : the submission's JSON file
+    folder : the board's folder
+    dataset : see `validate`
+    replace : whether a submission of the same name may be replaced
+
+    Returns
+    -------
+    The accepted JSON file, with the badge `rescored`
+
+    Raises
+    ------
+    SubmissionError
+        If it is not valid, was not evaluated on every axis or for three seeds, is on the board
+        already, or the folder cannot be written to.
+    """
+    submission = validate(file, dataset)
+    if len(submission.seeds) < MINIMUM_SEEDS:
+        raise SubmissionError(
+            f"{file}: the board needs at least {MINIMUM_SEEDS} seeds, this has "
+            f"{len(submission.seeds)}; evaluate more"
+        )
+    if left_out := [score for score in submission.scores if score.status == "not_run"]:
+        raise SubmissionError(
+            f"{file}: axis {left_out[0].axis} was left out; the board needs every axis, run "
+            "`granbench evaluate` without --axis"
+        )
+    stem = slug(submission.name)
+    target = folder / submission.task / f"{stem}.json"
+    _refuse_duplicates(submission, file, target, replace)
+    source = file.parent / submission.predictions.file
+    predictions = target.with_suffix(".nc")
+    reference = submission.predictions.model_copy(update={"file": predictions.name})
+    _copy(source, predictions)
+    write_submission(submission.model_copy(update={"predictions": reference}), target)
+    return target
+
+
+def accepted(folder: Path) -> list[Row]:
+    """Every submission on the board, by task and name.
+
+    Raises
+    ------
+    SubmissionError
+        If a file there breaks the schema.
+    """
+    files = sorted(folder.glob("*/*.json"))
+    return [Row(read_submission(file), file) for file in files]
+
+
+def _refuse_duplicates(submission: Submission, file: Path, target: Path, replace: bool) -> None:
+    for row in accepted(target.parent.parent):
+        other = row.submission
+        if row.file == target and not replace:
+            raise SubmissionError(
+                f"{file}: {other.name!r} is on the board of {other.task} already; choose another "
+                "name, or give --replace"
+            )
+        if row.file != target and other.predictions.sha256 == submission.predictions.sha256:
+            raise SubmissionError(
+                f"{file}: its predictions are those of {other.name!r}, which is on the board "
+                "already; submit a model once"
+            )
+
+
+def _copy(source: Path, target: Path) -> None:
+    partial = target.with_name(f".{target.name}.part")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source, partial)
+        os.replace(partial, target)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise SubmissionError(
+            f"cannot write {target} ({error.strerror or error}); choose a folder that is "
+            "writable and has free space"
+        ) from error

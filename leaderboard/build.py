@@ -1,0 +1,225 @@
+"""The static site: one page a task, an index, `leaderboard.json`; it needs no network."""
+
+import json
+import os
+import shutil
+import uuid
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from granbench import __version__
+from granbench.data.replicates import ReplicateScatter
+from granbench.errors import ConfigurationError, SubmissionError
+from granbench.leaderboard.board import Row, slug
+from granbench.leaderboard.chart import horizon_chart
+from granbench.leaderboard.tables import (
+    FAMILY_METRICS,
+    METRICS_SHOWN,
+    family_table,
+    lines_of,
+    main_table,
+)
+from granbench.predictions import PROTOCOLS
+from granbench.scoring import METRIC_VERSION
+from granbench.scoring.scorecard import ALL
+
+STATIC_FILES = ("board.css", "board.js")
+BOARD_FILE = "leaderboard.json"
+
+
+def build(
+    rows: Sequence[Row], out: Path, scatter: Mapping[str, ReplicateScatter] | None = None
+) -> Path:
+    """Render the board into a folder, whole or not at all.
+
+    Parameters
+    ----------
+    rows : the submissions to show
+    out : folder of the site; an older site there is replaced
+    scatter : scatter between packings by dataset name, shown as a reference
+
+    Returns
+    -------
+    The index page
+
+    Raises
+    ------
+    ConfigurationError
+        If `out` holds something that is not a board, or cannot be written to.
+    SubmissionError
+        If a submission follows another metric version, or a name appears twice in a task.
+    """
+    _check_target(out)
+    boards = _by_board(rows)
+    scatter = scatter or {}
+    partial = out.with_name(f".{out.name}.{uuid.uuid4().hex[:8]}.part")
+    try:
+        partial.mkdir(parents=True)
+        _render(boards, partial, scatter)
+        _swap(partial, out)
+    except OSError as error:
+        raise ConfigurationError(
+            f"cannot write the site to {out} ({error.strerror or error}); choose a folder that "
+            "is writable and has free space"
+        ) from error
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+    return out / "index.html"
+
+
+def _check_target(out: Path) -> None:
+    if out.exists() and not out.is_dir():
+        raise ConfigurationError(f"--out {out} is a file; give a folder")
+    if out.is_dir() and any(out.iterdir()) and not (out / BOARD_FILE).is_file():
+        raise ConfigurationError(
+            f"--out {out} holds files that are not a leaderboard; give an empty or new folder"
+        )
+
+
+def _swap(partial: Path, out: Path) -> None:
+    old = out.with_name(f"{partial.name}.old")
+    if out.exists():
+        os.replace(out, old)
+    try:
+        os.replace(partial, out)
+    except OSError:
+        if old.exists():
+            os.replace(old, out)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _by_board(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
+    boards: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        submission = row.submission
+        if submission.metric_version != METRIC_VERSION:
+            raise SubmissionError(
+                f"{row.file}: follows metric version {submission.metric_version}, this board "
+                f"{METRIC_VERSION}; evaluate the model again"
+            )
+        board = boards.setdefault((submission.task, submission.dataset.version), [])
+        if any(slug(other.submission.name) == slug(submission.name) for other in board):
+            raise SubmissionError(
+                f"{row.file}: {submission.name!r} is on the board of {submission.task} already; "
+                "choose another name"
+            )
+        board.append(row)
+    return dict(sorted(boards.items()))
+
+
+def _render(
+    boards: dict[tuple[str, str], list[Row]],
+    folder: Path,
+    scatter: Mapping[str, ReplicateScatter],
+) -> None:
+    environment = Environment(
+        loader=PackageLoader("granbench.leaderboard", "site"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["anchor"] = slug
+    shared = {"granbench_version": __version__, "metric_version": METRIC_VERSION}
+    pages = []
+    for (task, version), board in boards.items():
+        page = _page(task, version, board, scatter.get(task))
+        pages.append(page)
+        html = environment.get_template("task.html.j2").render(**shared, page=page)
+        (folder / page["file"]).write_text(html, encoding="utf-8")
+        for row in board:
+            target = folder / page["slug"] / f"{slug(row.submission.name)}.json"
+            target.parent.mkdir(exist_ok=True)
+            shutil.copyfile(row.file, target)
+    index = environment.get_template("index.html.j2").render(**shared, pages=pages)
+    (folder / "index.html").write_text(index, encoding="utf-8")
+    site = Path(__file__).parent / "site"
+    for name in STATIC_FILES:
+        shutil.copyfile(site / name, folder / name)
+    content = {**shared, "tasks": [_summary(page, boards) for page in pages]}
+    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
+    (folder / BOARD_FILE).write_text(text + "\n", encoding="utf-8")
+
+
+def _page(
+    task: str, version: str, board: list[Row], scatter: ReplicateScatter | None
+) -> dict[str, Any]:
+    submissions = [row.submission for row in board]
+    scores = [score for submission in submissions for score in submission.scores]
+    splits = list(dict.fromkeys(score.split for score in scores))
+    name = slug(f"{task}-{version}")
+    floor = scatter.floor_mse if scatter else None
+    views = [
+        main_table(submissions, split, metric, floor)
+        for split in splits
+        for metric in METRICS_SHOWN
+    ]
+    return {
+        "task": task,
+        "version": version,
+        "slug": name,
+        "file": f"{name}.html",
+        "splits": [
+            {
+                "name": split,
+                "paths": next(s.n for s in scores if s.split == split and s.group == ALL and s.n),
+                "charts": _charts(submissions, split, floor),
+                "families": [
+                    table
+                    for metric in FAMILY_METRICS
+                    if (table := family_table(submissions, split, metric)) is not None
+                ],
+            }
+            for split in splits
+        ],
+        "metrics": METRICS_SHOWN,
+        "views": views,
+        "submissions": sorted(submissions, key=lambda item: (item.role != "model", item.name)),
+        "dataset": submissions[0].dataset,
+        "scatter": scatter,
+        "leader": views[0].leader,
+    }
+
+
+def _charts(submissions: list[Any], split: str, floor: float | None) -> list[dict[str, Any]]:
+    charts = []
+    for spec in PROTOCOLS.values():
+        lines = lines_of(submissions, split, spec.name)
+        # A window starts from this packing's own truth, so scatter between packings is no
+        # floor for it.
+        reference = floor if spec.restart is None else None
+        title = f"{spec.title}, split {split}: stress error against horizon"
+        chart: Markup | None = horizon_chart(lines, title, reference)
+        if chart is not None:
+            zero = [line.name for line in lines if not any(line.value)]
+            charts.append({"title": spec.title, "svg": chart, "zero": zero})
+    return charts
+
+
+def _summary(page: dict[str, Any], boards: dict[tuple[str, str], list[Row]]) -> dict[str, Any]:
+    rows = boards[(page["task"], page["version"])]
+    return {
+        "task": page["task"],
+        "dataset": page["dataset"].model_dump(mode="json"),
+        "page": page["file"],
+        "replicate_scatter": page["scatter"].as_dict() if page["scatter"] else None,
+        "submissions": [
+            row.submission.model_dump(
+                mode="json", exclude={"scores", "curves", "normalisation"}, exclude_none=True
+            )
+            | {
+                "file": f"{page['slug']}/{slug(row.submission.name)}.json",
+                "scores": [
+                    score.model_dump(mode="json", exclude_none=True)
+                    for score in row.submission.scores
+                    if score.group == ALL
+                ],
+            }
+            for row in rows
+        ],
+    }

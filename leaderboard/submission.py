@@ -1,0 +1,233 @@
+"""The submission: one JSON file that says what a model scored and how to check it."""
+
+import hashlib
+import json
+import os
+import platform
+import uuid
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Annotated, Any, Literal, NoReturn
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    ValidationError,
+    model_validator,
+)
+
+from granbench.errors import SubmissionError
+from granbench.scoring import Curve, Score
+from granbench.scoring.scorecard import Scales
+
+SCHEMA_FILE = Path(__file__).parent / "submission.schema.json"
+
+Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+Line = Annotated[str, StringConstraints(min_length=1, max_length=400)]
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class DatasetReference(_Record):
+    """The dataset that was scored on, to the last bit."""
+
+    name: Line
+    version: Annotated[str, StringConstraints(pattern=r"^\d+\.\d+\.\d+$")]
+    content_sha256: Sha256 = Field(description="hash of its values")
+    split_sha256: Sha256 = Field(description="hash of its frozen split")
+
+
+class PredictionsReference(_Record):
+    """The predictions file beside the submission."""
+
+    file: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*\.nc$")] = Field(
+        description="name only, the file lies in the same folder"
+    )
+    sha256: Sha256
+    bytes: int = Field(gt=0)
+
+
+class Environment(_Record):
+    """What the model ran in; no host names."""
+
+    granbench: str
+    python: str
+    numpy: str
+    torch: str
+    machine: str = Field(description="kind of machine")
+
+    @classmethod
+    def here(cls) -> "Environment":
+        """This process' environment."""
+        return cls(
+            granbench=_version("granbench"),
+            python=platform.python_version(),
+            numpy=_version("numpy"),
+            torch=_version("torch"),
+            machine=f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
+        )
+
+
+class Submission(_Record):
+    """A row of the leaderboard, with everything needed to check it."""
+
+    schema_version: Literal["1.0"] = "1.0"
+    metric_version: str
+    name: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._+-]{0,63}$")]
+    title: Line | None = Field(default=None, description="one line about the model")
+    role: Literal["model", "floor", "ceiling"] = Field(
+        default="model", description="floors and ceilings frame the table and are not ranked"
+    )
+    authors: tuple[Line, ...] = Field(min_length=1)
+    code: Annotated[str, StringConstraints(pattern=r"^https?://\S+$")] | None = Field(
+        default=None, description="where the model's code is"
+    )
+    task: Line
+    dataset: DatasetReference
+    seeds: tuple[int, ...] = Field(min_length=1)
+    parameters: int | None = Field(default=None, ge=0, description="trained or fitted parameters")
+    training_data: Line
+    licence: Line
+    environment: Environment
+    command: Line
+    predictions: PredictionsReference
+    badge: Literal["claimed", "rescored", "rerun"] = Field(
+        default="claimed",
+        description="as submitted; recomputed from the predictions; run again by the maintainers",
+    )
+    normalisation: Scales
+    scores: tuple[Score, ...] = Field(min_length=1)
+    curves: tuple[Curve, ...] = ()
+
+    @model_validator(mode="after")
+    def _nothing_twice(self) -> "Submission":
+        for what, keys in (
+            ("seed", list(self.seeds)),
+            ("score", [score.key for score in self.scores]),
+            ("curve", [curve.key for curve in self.curves]),
+        ):
+            seen: set[Any] = set()
+            for key in keys:
+                if key in seen:
+                    text = " / ".join(key) if isinstance(key, tuple) else str(key)
+                    raise ValueError(f"{what} {text} appears more than once")
+                seen.add(key)
+        return self
+
+
+def read_submission(path: Path) -> Submission:
+    """Read a submission file strictly.
+
+    Raises
+    ------
+    SubmissionError
+        If it is missing, not JSON, repeats a key, holds NaN or infinity, or breaks the schema.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise SubmissionError(
+            f"{path} cannot be read ({error.strerror or error}); give the JSON file that "
+            "`granbench evaluate` wrote"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise SubmissionError(f"{path} is not UTF-8 text; give a submission's JSON file") from error
+    try:
+        content = json.loads(
+            text,
+            parse_constant=lambda name: _not_a_number(path, name),
+            object_pairs_hook=lambda pairs: _unique(path, pairs),
+        )
+    except json.JSONDecodeError as error:
+        raise SubmissionError(
+            f"{path} is not JSON (line {error.lineno}: {error.msg}); give the file that "
+            "`granbench evaluate` wrote"
+        ) from error
+    except RecursionError as error:
+        raise SubmissionError(f"{path} is nested too deeply to be a submission") from error
+    try:
+        return Submission.model_validate(content)
+    except ValidationError as error:
+        raise SubmissionError(f"{path}: {_first_complaint(error)}") from error
+
+
+def write_submission(submission: Submission, path: Path) -> None:
+    """Write a submission under a temporary name, then rename it; one score a line.
+
+    Raises
+    ------
+    SubmissionError
+        If the folder cannot be written to.
+    """
+    content = submission.model_dump(mode="json", exclude_none=True)
+    parts = []
+    for key, value in content.items():
+        if key in ("scores", "curves"):
+            rows = ",\n".join(
+                "    " + json.dumps(row, ensure_ascii=False, allow_nan=False) for row in value
+            )
+            rendered = f"[\n{rows}\n  ]" if rows else "[]"
+        else:
+            rendered = json.dumps(value, ensure_ascii=False, allow_nan=False, indent=2)
+            rendered = rendered.replace("\n", "\n  ")
+        parts.append(f"  {json.dumps(key)}: {rendered}")
+    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial.write_text("{\n" + ",\n".join(parts) + "\n}\n", encoding="utf-8")
+        os.replace(partial, path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise SubmissionError(
+            f"cannot write {path} ({error.strerror or error}); choose a folder that is writable "
+            "and has free space"
+        ) from error
+
+
+def schema_text() -> str:
+    """The published JSON Schema of a submission."""
+    schema = Submission.model_json_schema()
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    schema["title"] = "GranBench submission"
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file's bytes, hexadecimal."""
+    with path.open("rb") as handle:
+        return hashlib.file_digest(handle, "sha256").hexdigest()
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _not_a_number(path: Path, name: str) -> NoReturn:
+    raise SubmissionError(
+        f"{path} holds {name}, which is not a score; a run that broke down is counted at the "
+        "ceiling, run `granbench evaluate` again"
+    )
+
+
+def _unique(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content = dict(pairs)
+    if len(content) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise SubmissionError(f"{path} has the key {twice!r} twice in one object; keep one")
+    return content
+
+
+def _first_complaint(error: ValidationError) -> str:
+    first = error.errors()[0]
+    place = ".".join(str(part) for part in first["loc"])
+    message = first["msg"].removeprefix("Value error, ")
+    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    return f"field {place}: {message}{more}" if place else f"{message}{more}"

@@ -1,0 +1,253 @@
+"""What the pages show: scores of submissions as tables and lines."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from markupsafe import Markup, escape
+
+from granbench.leaderboard.chart import Line
+from granbench.leaderboard.submission import Submission
+from granbench.plotting.style import LINE_STYLES, model_styles
+from granbench.predictions import PROTOCOLS
+from granbench.scoring import Score
+from granbench.scoring.metrics import metrics
+from granbench.scoring.scorecard import ALL
+
+_TITLES = {metric.name: metric.title for metric in metrics([])}
+METRICS_SHOWN: dict[str, str] = {
+    name: _TITLES[name]
+    for name in (
+        "stress_mse_mean",
+        "stress_mse_median",
+        "stress_mse_worst",
+        "void_ratio_mse_mean",
+        "output_mse_mean",
+        "relative_error_mean",
+        "error_point_share",
+        "diverged_share",
+        "failed_share",
+    )
+}
+FAMILY_METRICS = ("stress_mse_mean", "relative_error_mean")
+SHARES = ("error_point_share", "diverged_share", "failed_share", "relative_error_mean")
+RANKED_PROTOCOL = "rollout"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One number of a table as it is shown.
+
+    Parameters
+    ----------
+    text : the value, or what stands for it
+    sort : the number that it is sorted by; None puts it last either way
+    interval : 95 % interval, "" where there is none
+    note : what a reader hears who asks why
+    best : whether it is the best of the ranked models
+    """
+
+    text: Markup
+    sort: float | None = None
+    interval: Markup = Markup()
+    note: str = ""
+    best: bool = False
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """One model's row; `submission` is None for the scatter between packings."""
+
+    name: str
+    colour: str
+    submission: Submission | None
+    cells: tuple[Cell, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Models against protocols or loading families, for one split and metric."""
+
+    split: str
+    metric: str
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[TableRow, ...]
+
+    @property
+    def leader(self) -> str | None:
+        """Name of the best ranked model, if any."""
+        for row in self.rows:
+            if row.submission is not None and row.submission.role == "model":
+                return row.name
+        return None
+
+
+def main_table(
+    submissions: Sequence[Submission], split: str, metric: str, floor: float | None
+) -> Table:
+    """Every protocol's score of one metric, ordered by that of the whole-path rollout.
+
+    Parameters
+    ----------
+    submissions : of one task
+    split, metric : which scores
+    floor : normalised MSE of stress that scatter between packings alone gives
+    """
+    columns = [(spec.title, spec.name, ALL) for spec in PROTOCOLS.values()]
+    table = _table(submissions, split, metric, columns)
+    if metric != "stress_mse_mean" or floor is None:
+        return table
+    cells = tuple(
+        Cell(number(floor), floor, note="half the mean square between packings made alike")
+        if spec.name == RANKED_PROTOCOL
+        else Cell(Markup("–"), note="scatter between packings is a floor of whole paths only")
+        for spec in PROTOCOLS.values()
+    )
+    scatter = TableRow("replicate scatter", "", None, cells)
+    return Table(split, metric, table.title, table.columns, (*table.rows, scatter))
+
+
+def family_table(submissions: Sequence[Submission], split: str, metric: str) -> Table | None:
+    """Whole-path scores of one metric by loading family; None where there is one family."""
+    families = sorted(
+        {
+            score.group
+            for submission in submissions
+            for score in submission.scores
+            if score.split == split and score.group != ALL
+        }
+    )
+    if len(families) < 2:
+        return None
+    columns = [(family, RANKED_PROTOCOL, family) for family in families]
+    return _table(submissions, split, metric, columns)
+
+
+def lines_of(submissions: Sequence[Submission], split: str, protocol: str) -> list[Line]:
+    """The error curves of one protocol and split."""
+    styles = model_styles(submission.name for submission in submissions)
+    lines = []
+    for submission in submissions:
+        for curve in submission.curves:
+            if (curve.split, curve.protocol) == (split, protocol):
+                style = styles[submission.name]
+                lines.append(
+                    Line(
+                        submission.name,
+                        style.colour,
+                        DASHES[LINE_STYLES.index(style.linestyle)],
+                        curve.horizon,
+                        curve.value,
+                        curve.low,
+                        curve.high,
+                    )
+                )
+    return lines
+
+
+def number(value: float) -> Markup:
+    """Three significant digits; small and large ones as a power of ten."""
+    if value == 0.0:
+        return Markup("0")
+    if 1e-2 <= abs(value) < 1e4:
+        digits = f"{value:.3g}"
+        return Markup(escape(f"{value:.0f}" if "e" in digits else digits))
+    mantissa, exponent = f"{value:.2e}".split("e")
+    power = str(int(exponent)).replace("-", "−")
+    return Markup(f"{mantissa}·10<sup>{power}</sup>")
+
+
+def share(value: float) -> Markup:
+    """A share in percent."""
+    percent = 100.0 * value
+    return Markup(escape("0 %" if percent == 0.0 else f"{percent:.3g} %"))
+
+
+def _svg_dash(style: object) -> str:
+    named = {"-": "", "--": "6 3", "-.": "7 3 1.5 3"}
+    if isinstance(style, str):
+        return named[style]
+    pattern = re.findall(r"\d+", str(style))[1:]
+    return " ".join(str(2 * int(length)) for length in pattern)
+
+
+DASHES = tuple(_svg_dash(style) for style in LINE_STYLES)
+
+
+def _table(
+    submissions: Sequence[Submission],
+    split: str,
+    metric: str,
+    columns: list[tuple[str, str, str]],
+) -> Table:
+    styles = model_styles(submission.name for submission in submissions)
+    found = {
+        submission.name: {
+            (score.protocol, score.group): score
+            for score in submission.scores
+            if score.split == split and score.metric == metric
+        }
+        for submission in submissions
+    }
+    best = {}
+    for _, protocol, group in columns:
+        ranked = [
+            score.value
+            for submission in submissions
+            if submission.role == "model"
+            and (score := found[submission.name].get((protocol, group))) is not None
+            and score.value is not None
+        ]
+        best[protocol, group] = min(ranked, default=None)
+    rows = [
+        TableRow(
+            submission.name,
+            styles[submission.name].colour,
+            submission,
+            tuple(
+                _cell(
+                    found[submission.name].get((protocol, group)),
+                    metric,
+                    best[protocol, group] if submission.role == "model" else None,
+                )
+                for _, protocol, group in columns
+            ),
+        )
+        for submission in submissions
+    ]
+    ranking = next(
+        (i for i, column in enumerate(columns) if column[1:] == (RANKED_PROTOCOL, ALL)), 0
+    )
+
+    def rank(row: TableRow) -> tuple[bool, float, str]:
+        value = row.cells[ranking].sort
+        return (value is None, value or 0.0, row.name)
+
+    return Table(
+        split,
+        metric,
+        _TITLES[metric],
+        tuple(title for title, _, _ in columns),
+        tuple(sorted(rows, key=rank)),
+    )
+
+
+def _cell(score: Score | None, metric: str, best: float | None) -> Cell:
+    if score is None:
+        return Cell(Markup("–"), note="no such score")
+    if score.value is None:
+        text = "n/a" if score.status == "not_applicable" else "not run"
+        return Cell(Markup(text), note=score.reason or "")
+    render = share if metric in SHARES else number
+    interval = Markup()
+    if score.low is not None and score.high is not None and score.high > score.low:
+        interval = Markup("{} … {}").format(render(score.low), render(score.high))
+    seeds = f"{len(score.by_seed)} seeds: {', '.join(f'{value:.3g}' for value in score.by_seed)}"
+    return Cell(
+        render(score.value),
+        score.value,
+        interval,
+        f"{score.n} paths; {seeds}",
+        best is not None and score.value == best,
+    )

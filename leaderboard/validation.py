@@ -1,0 +1,180 @@
+"""Validation: a submission is believed only as far as its predictions bear it out."""
+
+import math
+from pathlib import Path
+
+import xarray as xr
+
+from granbench.data.normalisation import Normalisation
+from granbench.data.registry import entry
+from granbench.data.splits import split_hash
+from granbench.data.store import load
+from granbench.errors import GranbenchError, SubmissionError
+from granbench.leaderboard.submission import Submission, file_digest, read_submission
+from granbench.predictions import evaluated, open_predictions
+from granbench.scoring import METRIC_VERSION, Curve, Score, score
+from granbench.scoring.scorecard import Scorecard
+
+RELATIVE_TOLERANCE = 1e-6
+"""Scores carry nine digits; sums in another order on another machine agree to twelve."""
+ABSOLUTE_TOLERANCE = 1e-15
+
+
+def validate(path: Path, dataset: xr.Dataset | None = None) -> Submission:
+    """Score a submission again from its predictions and compare every number.
+
+    Parameters
+    ----------
+    path : the submission's JSON file, its predictions beside it
+    dataset : the whole records of the task; the registered dataset that it names by default
+
+    Returns
+    -------
+    The submission, with the badge `rescored`
+
+    Raises
+    ------
+    SubmissionError
+        If the file breaks the schema, refers to another dataset, lacks its predictions, or
+        holds a number that they do not give.
+    """
+    submission = read_submission(path)
+    if submission.metric_version != METRIC_VERSION:
+        raise SubmissionError(
+            f"{path}: scores follow metric version {submission.metric_version}, this board "
+            f"{METRIC_VERSION}; run `granbench evaluate` again"
+        )
+    records = dataset if dataset is not None else _registered(submission, path)
+    _check_dataset(submission, records, path)
+    predictions = _checked_predictions(submission, path)
+    truth = evaluated(records)
+    card = score(predictions, truth, Normalisation.from_training(records))
+    _compare(submission, card, path)
+    return submission.model_copy(update={"badge": "rescored"})
+
+
+def _registered(submission: Submission, path: Path) -> xr.Dataset:
+    name = f"{submission.dataset.name}@{submission.dataset.version}"
+    try:
+        entry(name)
+    except GranbenchError as error:
+        raise SubmissionError(f"{path}: {error}") from error
+    return load(name)
+
+
+def _check_dataset(submission: Submission, records: xr.Dataset, path: Path) -> None:
+    claimed = submission.dataset
+    actual = {
+        "name": str(records.attrs.get("dataset")),
+        "version": str(records.attrs.get("version")),
+        "content_sha256": str(records.attrs.get("content_sha256")),
+        "split_sha256": split_hash(records),
+    }
+    for field, value in actual.items():
+        if getattr(claimed, field) != value:
+            raise SubmissionError(
+                f"{path}: dataset.{field} is {getattr(claimed, field)}, but the records have "
+                f"{value}; evaluate on the registered dataset"
+            )
+    if submission.task != claimed.name:
+        raise SubmissionError(
+            f"{path}: task is {submission.task!r}, but its dataset is {claimed.name!r}; they "
+            "must agree"
+        )
+
+
+def _checked_predictions(submission: Submission, path: Path) -> xr.Dataset:
+    file = path.parent / submission.predictions.file
+    if not file.is_file():
+        raise SubmissionError(
+            f"{path}: the predictions file {submission.predictions.file} is missing; put it "
+            "into the same folder"
+        )
+    if file_digest(file) != submission.predictions.sha256:
+        raise SubmissionError(
+            f"{path}: predictions.sha256 is not the digest of {file.name}; submit the "
+            "predictions that the scores were made from"
+        )
+    predictions = open_predictions(file)
+    seeds = [int(seed) for seed in predictions["seed"].values]
+    if seeds != list(submission.seeds):
+        raise SubmissionError(
+            f"{path}: seeds are {list(submission.seeds)}, but {file.name} holds {seeds}; they "
+            "must agree"
+        )
+    about = predictions.attrs.get("dataset_content_sha256")
+    if about != submission.dataset.content_sha256:
+        raise SubmissionError(
+            f"{path}: {file.name} was made from other records (content hash {about}); run "
+            "`granbench evaluate` again"
+        )
+    return predictions
+
+
+def _compare(submission: Submission, card: Scorecard, path: Path) -> None:
+    claimed = {item.key: item for item in submission.scores}
+    for score_again in card.scores:
+        label = " / ".join(score_again.key)
+        if score_again.key not in claimed:
+            raise SubmissionError(f"{path}: score {label} is missing; submit every score")
+        difference = _difference(claimed.pop(score_again.key), score_again)
+        if difference:
+            raise SubmissionError(f"{path}: score {label} cannot be reproduced: {difference}")
+    if claimed:
+        label = " / ".join(next(iter(claimed)))
+        raise SubmissionError(f"{path}: score {label} is not one of this benchmark; remove it")
+    curves = {item.key: item for item in submission.curves}
+    for curve_again in card.curves:
+        label = " / ".join(curve_again.key)
+        if curve_again.key not in curves:
+            raise SubmissionError(f"{path}: curve {label} is missing; submit every curve")
+        if not _same_curve(curves.pop(curve_again.key), curve_again):
+            raise SubmissionError(
+                f"{path}: curve {label} cannot be reproduced from the predictions"
+            )
+    if curves:
+        label = " / ".join(next(iter(curves)))
+        raise SubmissionError(f"{path}: curve {label} is not one of this benchmark; remove it")
+    scales, again = submission.normalisation, card.normalisation
+    same = scales.stress.keys() == again.stress.keys() and all(
+        _close(scales.stress[name], again.stress[name]) for name in again.stress
+    )
+    if not (same and _close(scales.void_ratio, again.void_ratio)):
+        raise SubmissionError(
+            f"{path}: normalisation is not the standard deviation of the training split"
+        )
+
+
+def _difference(claimed: Score, again: Score) -> str | None:
+    for field in ("status", "unit", "n", "reason"):
+        one, other = getattr(claimed, field), getattr(again, field)
+        if one != other:
+            return f"its {field} is {one!r}, the predictions give {other!r}"
+    for field in ("value", "low", "high"):
+        one, other = getattr(claimed, field), getattr(again, field)
+        if not _close(one, other):
+            return f"its {field} is {one}, the predictions give {other}"
+    if not _all_close(claimed.by_seed, again.by_seed):
+        return "its values by seed differ from those of the predictions"
+    return None
+
+
+def _same_curve(claimed: Curve, again: Curve) -> bool:
+    return (claimed.horizon, claimed.n, claimed.unit) == (
+        again.horizon,
+        again.n,
+        again.unit,
+    ) and all(
+        _all_close(getattr(claimed, name), getattr(again, name))
+        for name in ("value", "low", "high")
+    )
+
+
+def _all_close(ones: tuple[float, ...], others: tuple[float, ...]) -> bool:
+    return len(ones) == len(others) and all(map(_close, ones, others))
+
+
+def _close(one: float | None, other: float | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return math.isclose(one, other, rel_tol=RELATIVE_TOLERANCE, abs_tol=ABSOLUTE_TOLERANCE)

@@ -1,0 +1,43 @@
+"""Fixtures that every test may use."""
+
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import xarray as xr
+from synthetic_records import synthetic_records
+
+from granbench.records import write_records
+
+
+@pytest.fixture(scope="session")
+def _records() -> xr.Dataset:
+    return synthetic_records()
+
+
+@pytest.fixture
+def records(_records: xr.Dataset) -> xr.Dataset:
+    """Synthetic records; each test gets a copy of its own."""
+    return _records.copy(deep=True)
+
+
+@pytest.fixture
+def records_file(records: xr.Dataset, tmp_path: Path) -> Path:
+    """The synthetic records in a sealed file."""
+    return write_records(records, tmp_path / "synthetic.nc")
+
+
+@pytest.fixture
+def tiny_disk(tmp_path: Path) -> Iterator[Path]:
+    """A real file system of 64 kB; skipped where mounting is not allowed."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(folder)]
+    try:
+        subprocess.run(command, check=True, capture_output=True)
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("mounting a tiny disk needs root")
+    yield folder
+    # Lazily: after a failed write HDF5 keeps its file open until the process ends.
+    subprocess.run(["umount", "--lazy", str(folder)], check=True)

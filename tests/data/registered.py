@@ -1,0 +1,51 @@
+"""A registry, cache and checkout of a test's own."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+from granbench.data.publish import register
+from granbench.data.registry import RegistryEntry
+from granbench.records import write_records
+
+
+@dataclass
+class Shelf:
+    """Where a test's datasets are, away from the user's."""
+
+    checkout: Path
+    mirror: Path
+    cache: Path
+    monkeypatch: pytest.MonkeyPatch
+
+    def publish(
+        self, ds: xr.Dataset, version: str = "1.0.0", mirrors: Iterable[str] = ()
+    ) -> RegistryEntry:
+        """Write the dataset into the mirror folder, which nobody is told of, and register it."""
+        file = self.mirror / f"synthetic-{version}.nc"
+        write_records(ds.assign_attrs(version=version), file)
+        return register(
+            file, identifier="synthetic", title="Made up", command="none", mirrors=mirrors
+        )
+
+    def use_mirror(self, place: Path | str) -> None:
+        """Point GRANBENCH_MIRROR to a folder or address."""
+        self.monkeypatch.setenv("GRANBENCH_MIRROR", str(place))
+
+
+def make_shelf(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Shelf:
+    """An empty registry and cache, a checkout without data, and no mirror."""
+    shelf = Shelf(folder / "datasets", folder / "mirror", folder / "cache", monkeypatch)
+    shelf.checkout.mkdir()
+    monkeypatch.setattr("granbench.data.registry.REGISTRY_FOLDER", folder / "registry")
+    monkeypatch.setattr("granbench.data.publish.REGISTRY_FOLDER", folder / "registry")
+    monkeypatch.setattr("granbench.data.fetch.MINI_FOLDER", folder / "mini")
+    monkeypatch.setattr("granbench.data.publish.MINI_FOLDER", folder / "mini")
+    monkeypatch.setattr("granbench.data.fetch.checkout_datasets", lambda: shelf.checkout)
+    monkeypatch.setattr("granbench.data.fetch.PAUSE", 0.0)
+    monkeypatch.setenv("GRANBENCH_CACHE", str(shelf.cache))
+    monkeypatch.delenv("GRANBENCH_MIRROR", raising=False)
+    return shelf

@@ -1,0 +1,87 @@
+"""What the tests of the campaign executor share: campaigns of toy jobs, and looks at processes."""
+
+import contextlib
+import subprocess
+import sys
+import textwrap
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from granbench.generators.campaign import CampaignReport, Job, run_campaign
+
+PATIENCE = 30.0
+
+
+def walks(steps: int = 20) -> list[Job]:
+    """Three walks, and one that starts where two of them end."""
+    first = [Job(f"walk/{i}", "toy_jobs:walk", {"steps": steps}, i) for i in range(3)]
+    return [
+        Job("joined", "toy_jobs:walk", {"steps": steps}, 7, ("walk/0", "walk/2")),
+        *first,
+    ]
+
+
+def waiting_jobs(shared: Path, count: int = 3) -> list[Job]:
+    """Jobs that name their process in `shared` and wait for the file `go` there."""
+    return [
+        Job(f"wait-{i}", "toy_jobs:waits", {"shared": str(shared), "name": f"wait-{i}"}, i)
+        for i in range(count)
+    ]
+
+
+def quiet(jobs: list[Job], folder: Path, **options) -> CampaignReport:
+    return run_campaign(jobs, folder, progress="quiet", **options)
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    """All files of all results, but for job.json, which holds the seconds that it took."""
+    results = folder / "results"
+    return {
+        str(file.relative_to(results)): file.read_bytes()
+        for file in sorted(results.rglob("*"))
+        if file.is_file() and file.name != "job.json"
+    }
+
+
+def wait_until(happened: Callable[[], object]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not happened():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.02)
+
+
+def processes_named_in(shared: Path) -> list[int]:
+    return [int(text) for file in sorted(shared.glob("*.pid")) if (text := file.read_text())]
+
+
+def is_alive(process: int) -> bool:
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return state not in "ZX"
+
+
+@contextlib.contextmanager
+def campaign_command(shared: Path, folder: Path, **options) -> Iterator[subprocess.Popen]:
+    """A process of its own that runs the waiting jobs."""
+    program = f"""
+        from pathlib import Path
+        from campaign_support import quiet, waiting_jobs
+        quiet(waiting_jobs(Path({str(shared)!r})), Path({str(folder)!r}), **{options!r})
+    """
+    command = subprocess.Popen(
+        [sys.executable, "-c", textwrap.dedent(program)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    try:
+        yield command
+    finally:
+        command.kill()
+        command.communicate()
+
+
+def parent_of(process: int) -> int:
+    return int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
