@@ -22,8 +22,8 @@ $(INSTALLED): pyproject.toml requirements/constraints.txt
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit( \
 	    "GranBench needs Python 3.11 or newer: run `make setup PYTHON=python3.11`")'
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	@echo "installing GranBench into $(VENV)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	@echo "installing GranBench into $(VENV); the first time takes some minutes"
+	@$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check \
 	    --constraint requirements/constraints.txt --editable '.[generate,dev]'
 	@touch $@
 
@@ -54,7 +54,8 @@ lint: setup
 	MYPYPATH=build/unpacked $(BIN)/mypy -p granbench
 
 docs: setup
-	@$(BIN)/python -m granbench.data.card datasets/dem-triaxial-1.0.0.nc --out docs/datasets
+	@for file in datasets/*.nc; do $(BIN)/python -m granbench.data.card $$file --out docs/datasets; done
+	@$(BIN)/python docs/readme_scores.py
 
 clean:
 	rm -rf build dist $(VENV) $(OUT)

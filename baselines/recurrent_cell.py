@@ -3,12 +3,10 @@
 import torch
 from torch import Tensor
 
-from granbench.baselines.recurrent_network import RecurrentNetwork
+from granbench.baselines.recurrent_network import STATES, RecurrentNetwork
 from granbench.cell import Conditions, History, MaterialCell, StateLayout
 from granbench.data.adapters import accumulated_strain
 from granbench.errors import ModelError
-
-STRESS = slice(0, 3)
 
 
 class RecurrentCell(MaterialCell):
@@ -24,7 +22,7 @@ class RecurrentCell(MaterialCell):
 
     Parameters
     ----------
-    network : trained
+    network : trained; it is put into evaluation mode
     name : what the leaderboard calls it
     """
 
@@ -84,8 +82,8 @@ class RecurrentCell(MaterialCell):
     def step(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """See `MaterialCell.step`."""
         parts = {name: state[:, part] for name, part in self.layout.slices.items()}
-        if self.configuration.restart_every is not None:
-            parts |= self._restarted(parts)
+        if (interval := self.configuration.restart_every) is not None:
+            parts |= self._restarted(parts, parts["age"] >= interval)
         scaling = self.network.scaling
         raw = torch.cat([parts["grading_index"], parts["accumulated_strain"], dstrain], dim=-1)
         output, hidden, carry = self.network.advance(
@@ -94,13 +92,13 @@ class RecurrentCell(MaterialCell):
         if self.configuration.output == "absolute":
             known = scaling.raw_states(output)
         else:
-            change = output * scaling.change_scale * scaling.scale[-4:]
+            change = output * scaling.change_scale * scaling.scale[STATES]
             known = change + (
                 parts["origin"]
                 if self.configuration.output == "change"
                 else torch.cat([parts["stress"], parts["void_ratio"]], dim=-1)
             )
-        stress = known[:, STRESS]
+        stress = known[:, :3]
         parts |= {
             "stress": stress,
             "void_ratio": known[:, 3:],
@@ -112,9 +110,8 @@ class RecurrentCell(MaterialCell):
             parts["age"] = parts["age"] + 1.0
         return stress, self.layout.pack(**parts)
 
-    def _restarted(self, parts: dict[str, Tensor]) -> dict[str, Tensor]:
+    def _restarted(self, parts: dict[str, Tensor], due: Tensor) -> dict[str, Tensor]:
         """What changes where a free run is due to start afresh from its own prediction."""
-        due = parts["age"] >= self.configuration.restart_every
         known = torch.cat([parts["stress"], parts["void_ratio"]], dim=-1)
         fresh = {
             "hidden": self._first_hidden(known, parts["grading_index"]),

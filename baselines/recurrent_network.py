@@ -224,15 +224,8 @@ class RecurrentNetwork(nn.Module):
         -------
         output of the last layer (point, 4); hidden and carry after the step
         """
-        weights = self.recurrent
-        hidden, carry = torch.lstm_cell(
-            inputs,
-            (hidden, carry),
-            weights.weight_ih_l0,
-            weights.weight_hh_l0,
-            weights.bias_ih_l0,
-            weights.bias_hh_l0,
-        )
+        weights = self.recurrent.all_weights[0]
+        hidden, carry = torch.lstm_cell(inputs, (hidden, carry), *weights)
         return self.read_out(hidden), hidden, carry
 
     def loss(self, batch: Batch) -> Tensor:

@@ -158,7 +158,7 @@ def window_source(
     length: int,
     device: torch.device,
     *,
-    resident_bytes: int = RESIDENT_BYTES,
+    resident_bytes: int | None = None,
 ) -> BatchSource:
     """All windows of `length` predicted steps of some paths, taken at every step.
 
@@ -168,11 +168,13 @@ def window_source(
     scaling : already fitted
     length : predicted steps of a window
     device : where batches are wanted
-    resident_bytes : records whose table is larger are read from their file as they are needed
+    resident_bytes : records whose table is larger are read from their file as they are needed;
+        `RESIDENT_BYTES` where None
     """
     paths, steps = records.sizes["path"], records.sizes["step"]
     starts = steps - length
-    if paths * steps * WIDTH * 4 > resident_bytes:
+    limit = RESIDENT_BYTES if resident_bytes is None else resident_bytes
+    if paths * steps * WIDTH * torch.float32.itemsize > limit:
         scaling_here = scaling.on_cpu()
         return StreamedBatches(
             WindowDataset(records, length=length, dtype=torch.float64),

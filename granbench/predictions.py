@@ -8,6 +8,7 @@ from the file, and a perfect model scores exactly zero.
 """
 
 import os
+import uuid
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,11 +68,11 @@ PROTOCOLS: dict[str, ProtocolSpec] = {
     spec.name: spec
     for spec in (
         ProtocolSpec("single-step", "single-step", "Single step", restart=1),
-        ProtocolSpec("window", "window", f"Windows of {WINDOW_STEPS}", restart=WINDOW_STEPS),
+        ProtocolSpec("window", "window", f"Windows of\u00a0{WINDOW_STEPS}", restart=WINDOW_STEPS),
         ProtocolSpec("rollout", "rollout", "Whole-path rollout"),
-        ProtocolSpec("noise-0.2", "noise", "Rollout, noise ξ = 0.2", noise=0.2),
-        ProtocolSpec("noise-0.5", "noise", "Rollout, noise ξ = 0.5", noise=0.5),
-        ProtocolSpec("noise-1.0", "noise", "Rollout, noise ξ = 1", noise=1.0),
+        ProtocolSpec("noise-0.2", "noise", "Rollout, noise ξ\u00a0=\u00a00.2", noise=0.2),
+        ProtocolSpec("noise-0.5", "noise", "Rollout, noise ξ\u00a0=\u00a00.5", noise=0.5),
+        ProtocolSpec("noise-1.0", "noise", "Rollout, noise ξ\u00a0=\u00a01", noise=1.0),
     )
 }
 AXES: tuple[str, ...] = tuple(dict.fromkeys(spec.axis for spec in PROTOCOLS.values()))
@@ -148,7 +149,7 @@ def assemble(
     """
     labels = list(protocols)
     series = ("seed", "protocol", "path", "step")
-    variables = {
+    variables: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]] = {
         "stress": (
             (*series, "component"),
             quantise(stress),
@@ -191,7 +192,7 @@ def write_predictions(predictions: xr.Dataset, path: Path) -> None:
     SubmissionError
         If the folder cannot be written to.
     """
-    partial = path.with_name(path.name + ".part")
+    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.part")
     encoding = {}
     for name, variable in predictions.data_vars.items():
         # One chunk a component keeps neighbours in time together, which compresses best.
@@ -203,8 +204,10 @@ def write_predictions(predictions: xr.Dataset, path: Path) -> None:
         os.replace(partial, path)
     except (OSError, RuntimeError) as error:
         partial.unlink(missing_ok=True)
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise SubmissionError(
-            f"cannot write the predictions to {path}: {error}; choose another --out"
+            f"cannot write {path.name} ({reason}); choose a folder that is writable and has free "
+            "space"
         ) from error
 
 
@@ -239,7 +242,8 @@ def _check_layout(predictions: xr.Dataset, path: Path) -> None:
             raise SubmissionError(f"{path} lacks the coordinate {name!r}; {remedy}")
     if "stress" not in predictions:
         raise SubmissionError(f"{path} lacks the variable 'stress'; {remedy}")
-    for name, variable in predictions.data_vars.items():
+    for label, variable in predictions.data_vars.items():
+        name = str(label)
         expected = dims if name == "stress" else dims[:-1]
         if variable.dims != expected:
             raise SubmissionError(

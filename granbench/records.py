@@ -43,6 +43,7 @@ __all__ = [
     "write_records",
 ]
 
+PATHS_PER_CHUNK = 32
 _SIGNATURES = (b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02", b"CDF\x05")
 
 
@@ -156,7 +157,7 @@ def write_records(ds: xr.Dataset, path: Path | str) -> Path:
     for variable in sealed.variables.values():
         variable.encoding = {}
     encoding = {
-        str(name): {"zlib": True, "complevel": 6, "shuffle": True}
+        str(name): {"zlib": True, "complevel": 6, "shuffle": True, "chunksizes": _chunk(variable)}
         for name, variable in sealed.variables.items()
         if variable.dtype.kind in "fiu" and variable.ndim > 1
     }
@@ -174,6 +175,12 @@ def write_records(ds: xr.Dataset, path: Path | str) -> Path:
         with contextlib.suppress(OSError):
             partial.unlink(missing_ok=True)
     return path
+
+
+def _chunk(variable: xr.Variable) -> tuple[int, ...]:
+    """A few paths of one component: compresses best, and one path is read without the others."""
+    paths, *others = variable.shape
+    return (min(paths, PATHS_PER_CHUNK), *others[:1], *(1 for _ in others[1:]))
 
 
 def _reason(error: OSError | RuntimeError, folder: Path, wanted: int) -> str:

@@ -97,6 +97,7 @@ SCHEMA: dict[str, VariableSpec] = {
     "coefficient_of_uniformity": _scalar("1", "coefficient of uniformity C_u"),
     "coefficient_of_curvature": _scalar("1", "coefficient of curvature C_c"),
     "particle_count": _count("number of grains"),
+    "time_step": _scalar("s", "time step of the simulation"),
     "box_edge_ratio": _scalar("1", "box edge over largest grain diameter"),
     "preparation_friction": _scalar("1", "preparation friction mu_0"),
     "initial_void_ratio": _scalar("1", "initial void ratio e_0"),

@@ -32,7 +32,9 @@ BOARD_FILE = "leaderboard.json"
 
 
 def build(
-    rows: Sequence[Row], out: Path, scatter: Mapping[str, ReplicateScatter] | None = None
+    rows: Sequence[Row],
+    out: Path,
+    scatter: Mapping[tuple[str, str], ReplicateScatter] | None = None,
 ) -> Path:
     """Render the board into a folder, whole or not at all.
 
@@ -40,7 +42,7 @@ def build(
     ----------
     rows : the submissions to show
     out : folder of the site; an older site there is replaced
-    scatter : scatter between packings by dataset name, shown as a reference
+    scatter : scatter between packings by dataset name and version, shown as a reference
 
     Returns
     -------
@@ -115,7 +117,7 @@ def _by_board(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
 def _render(
     boards: dict[tuple[str, str], list[Row]],
     folder: Path,
-    scatter: Mapping[str, ReplicateScatter],
+    scatter: Mapping[tuple[str, str], ReplicateScatter],
 ) -> None:
     environment = Environment(
         loader=PackageLoader("granbench.leaderboard", "site"),
@@ -128,7 +130,7 @@ def _render(
     shared = {"granbench_version": __version__, "metric_version": METRIC_VERSION}
     pages = []
     for (task, version), board in boards.items():
-        page = _page(task, version, board, scatter.get(task))
+        page = _page(task, version, board, scatter.get((task, version)))
         pages.append(page)
         html = environment.get_template("task.html.j2").render(**shared, page=page)
         (folder / page["file"]).write_text(html, encoding="utf-8")

@@ -155,7 +155,7 @@ def _labels(labels: list[tuple[float, str, str]]) -> list[str]:
     places: list[float] = []
     for y, _, _ in ordered:
         places.append(max(y, places[-1] + LABEL_SPACING) if places else y)
-    lowest = HEIGHT - BOTTOM
+    lowest = float(HEIGHT - BOTTOM)
     for index in range(len(places) - 1, -1, -1):
         places[index] = min(places[index], lowest)
         lowest = places[index] - LABEL_SPACING

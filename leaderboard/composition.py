@@ -1,15 +1,17 @@
-"""From predictions and a scorecard to the two files of a submission."""
+"""From predictions to the two files of a submission."""
 
-from dataclasses import dataclass
+import os
+import re
+import tempfile
 from pathlib import Path
-from typing import Literal
 
 import xarray as xr
 
 from granbench.data.normalisation import Normalisation
 from granbench.data.splits import split_hash
-from granbench.errors import ConfigurationError
+from granbench.errors import ConfigurationError, SubmissionError
 from granbench.leaderboard.submission import (
+    About,
     DatasetReference,
     Environment,
     PredictionsReference,
@@ -21,66 +23,82 @@ from granbench.predictions import evaluated, open_predictions, write_predictions
 from granbench.scoring import METRIC_VERSION, score
 
 
-@dataclass(frozen=True)
-class About:
-    """What a submitter says of a model; see `Submission` for each."""
+def check_target(out: Path) -> Path:
+    """Make sure, before hours of work, that a submission can be written to `out`.
 
-    name: str
-    authors: tuple[str, ...]
-    training_data: str
-    licence: str
-    command: str
-    title: str | None = None
-    code: str | None = None
-    role: Literal["model", "floor", "ceiling"] = "model"
-    parameters: int | None = None
-
-
-def predictions_path(out: Path) -> Path:
-    """Where the predictions of a submission file lie: beside it, ending in .nc.
+    Returns
+    -------
+    Where its predictions go: beside it, the name ending in .nc
 
     Raises
     ------
     ConfigurationError
-        If the submission's name does not end in .json.
+        If the name does not end in .json, or the folder cannot be written to.
     """
     if out.suffix != ".json":
         raise ConfigurationError(f"--out {out} must end in .json")
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", out.name):
+        raise ConfigurationError(
+            f"--out {out.name!r} may hold letters, digits, dots, dashes and underscores only"
+        )
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=out.parent):
+            pass
+    except OSError as error:
+        raise ConfigurationError(
+            f"--out {out} cannot be written ({error.strerror or error}); choose a folder that is "
+            "writable and has free space"
+        ) from error
     return out.with_suffix(".nc")
 
 
 def compose(predictions: xr.Dataset, dataset: xr.Dataset, about: About, out: Path) -> Submission:
-    """Write predictions, score them as they were written, and write the submission.
+    """Score predictions as they are stored, and write them and the submission, both or none.
 
     Parameters
     ----------
     predictions : of every scored path of `dataset`
     dataset : the whole records of the task
-    about : what the submitter says
+    about : what the submitter says; who scores zero everywhere becomes the ceiling
     out : the submission's JSON file; the predictions get the same name ending in .nc
 
     Raises
     ------
     ConfigurationError
-        If `out` does not end in .json.
+        See `check_target`.
     SubmissionError
-        If the folder cannot be written to, or the predictions do not fit the dataset.
+        If the files cannot be written, or the predictions do not fit the dataset.
     """
-    file = predictions_path(out)
+    final = check_target(out)
     described = predictions.assign_attrs(
         model=about.name, command=about.command, metric_version=METRIC_VERSION
     )
-    write_predictions(described, file)
+    try:
+        with tempfile.TemporaryDirectory(dir=out.parent, prefix=f".{out.stem}.") as folder:
+            file, text = Path(folder) / final.name, Path(folder) / out.name
+            write_predictions(described, file)
+            submission = _scored(file, dataset, about)
+            write_submission(submission, text)
+            os.replace(file, final)
+            os.replace(text, out)
+    except OSError as error:
+        raise SubmissionError(
+            f"cannot write {out} ({error.strerror or error}); choose a folder that is writable "
+            "and has free space"
+        ) from error
+    return submission
+
+
+def _scored(file: Path, dataset: xr.Dataset, about: About) -> Submission:
     stored = open_predictions(file)
     card = score(stored, evaluated(dataset), Normalisation.from_training(dataset))
     name = str(dataset.attrs["dataset"])
-    submission = Submission(
+    # Who scores zero everywhere knows the answers: it frames the table, it does not lead it.
+    role = "ceiling" if card.perfect else about.role
+    return Submission(
+        **about.model_dump() | {"role": role},
         metric_version=card.metric_version,
-        name=about.name,
-        title=about.title,
-        role=about.role,
-        authors=about.authors,
-        code=about.code,
         task=name,
         dataset=DatasetReference(
             name=name,
@@ -89,11 +107,7 @@ def compose(predictions: xr.Dataset, dataset: xr.Dataset, about: About, out: Pat
             split_sha256=split_hash(dataset),
         ),
         seeds=tuple(int(seed) for seed in stored["seed"].values),
-        parameters=about.parameters,
-        training_data=about.training_data,
-        licence=about.licence,
         environment=Environment.here(),
-        command=about.command,
         predictions=PredictionsReference(
             file=file.name, sha256=file_digest(file), bytes=file.stat().st_size
         ),
@@ -101,5 +115,3 @@ def compose(predictions: xr.Dataset, dataset: xr.Dataset, about: About, out: Pat
         scores=card.scores,
         curves=card.curves,
     )
-    write_submission(submission, out)
-    return submission

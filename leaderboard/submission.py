@@ -18,7 +18,7 @@ from pydantic import (
     model_validator,
 )
 
-from granbench.errors import SubmissionError
+from granbench.errors import ConfigurationError, SubmissionError
 from granbench.scoring import Curve, Score
 from granbench.scoring.scorecard import Scales
 
@@ -72,11 +72,9 @@ class Environment(_Record):
         )
 
 
-class Submission(_Record):
-    """A row of the leaderboard, with everything needed to check it."""
+class About(_Record):
+    """What a submitter says of a model."""
 
-    schema_version: Literal["1.0"] = "1.0"
-    metric_version: str
     name: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._+-]{0,63}$")]
     title: Line | None = Field(default=None, description="one line about the model")
     role: Literal["model", "floor", "ceiling"] = Field(
@@ -86,14 +84,35 @@ class Submission(_Record):
     code: Annotated[str, StringConstraints(pattern=r"^https?://\S+$")] | None = Field(
         default=None, description="where the model's code is"
     )
-    task: Line
-    dataset: DatasetReference
-    seeds: tuple[int, ...] = Field(min_length=1)
     parameters: int | None = Field(default=None, ge=0, description="trained or fitted parameters")
     training_data: Line
     licence: Line
-    environment: Environment
     command: Line
+
+    @classmethod
+    def checked(cls, **fields: Any) -> "About":
+        """The same, complaining in a sentence.
+
+        Raises
+        ------
+        ConfigurationError
+            If a field is not what the schema asks for.
+        """
+        try:
+            return cls(**fields)
+        except ValidationError as error:
+            raise ConfigurationError(f"of the submission, {first_complaint(error)}") from error
+
+
+class Submission(About):
+    """A row of the leaderboard, with everything needed to check it."""
+
+    schema_version: Literal["1.0"] = "1.0"
+    metric_version: str
+    task: Line
+    dataset: DatasetReference
+    seeds: tuple[int, ...] = Field(min_length=1)
+    environment: Environment
     predictions: PredictionsReference
     badge: Literal["claimed", "rescored", "rerun"] = Field(
         default="claimed",
@@ -152,7 +171,7 @@ def read_submission(path: Path) -> Submission:
     try:
         return Submission.model_validate(content)
     except ValidationError as error:
-        raise SubmissionError(f"{path}: {_first_complaint(error)}") from error
+        raise SubmissionError(f"{path}: {first_complaint(error)}") from error
 
 
 def write_submission(submission: Submission, path: Path) -> None:
@@ -183,8 +202,8 @@ def write_submission(submission: Submission, path: Path) -> None:
     except OSError as error:
         partial.unlink(missing_ok=True)
         raise SubmissionError(
-            f"cannot write {path} ({error.strerror or error}); choose a folder that is writable "
-            "and has free space"
+            f"cannot write {path.name} ({error.strerror or error}); choose a folder that is "
+            "writable and has free space"
         ) from error
 
 
@@ -225,7 +244,8 @@ def _unique(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return content
 
 
-def _first_complaint(error: ValidationError) -> str:
+def first_complaint(error: ValidationError) -> str:
+    """What pydantic says first: the field and what is wrong with it."""
     first = error.errors()[0]
     place = ".".join(str(part) for part in first["loc"])
     message = first["msg"].removeprefix("Value error, ")

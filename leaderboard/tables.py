@@ -1,8 +1,9 @@
 """What the pages show: scores of submissions as tables and lines."""
 
+import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from markupsafe import Markup, escape
 
@@ -49,7 +50,7 @@ class Cell:
 
     text: Markup
     sort: float | None = None
-    interval: Markup = Markup()
+    interval: Markup | str = ""
     note: str = ""
     best: bool = False
 
@@ -66,13 +67,22 @@ class TableRow:
 
 @dataclass(frozen=True)
 class Table:
-    """Models against protocols or loading families, for one split and metric."""
+    """Models against protocols or loading families, for one split and metric.
+
+    Parameters
+    ----------
+    split, metric, title : what it shows
+    columns : headings of the scores
+    rows : models, the best first
+    ordered_by : index of the column that they are ordered by
+    """
 
     split: str
     metric: str
     title: str
     columns: tuple[str, ...]
     rows: tuple[TableRow, ...]
+    ordered_by: int
 
     @property
     def leader(self) -> str | None:
@@ -105,7 +115,7 @@ def main_table(
         for spec in PROTOCOLS.values()
     )
     scatter = TableRow("replicate scatter", "", None, cells)
-    return Table(split, metric, table.title, table.columns, (*table.rows, scatter))
+    return replace(table, rows=_ordered([*table.rows, scatter], table.ordered_by))
 
 
 def family_table(submissions: Sequence[Submission], split: str, metric: str) -> Table | None:
@@ -164,6 +174,18 @@ def share(value: float) -> Markup:
     return Markup(escape("0 %" if percent == 0.0 else f"{percent:.3g} %"))
 
 
+def _interval(low: float, value: float, high: float, metric: str) -> Markup:
+    """Both ends in the unit of the value above them: one power of ten, one per cent sign."""
+    if metric in SHARES:
+        return Markup("{:.3g} … {:.3g} %").format(100.0 * low, 100.0 * high)
+    exponent = math.floor(math.log10(value)) if value > 0.0 else 0
+    if exponent >= -2:
+        return Markup("{} … {}").format(number(low), number(high))
+    scale = 10.0**exponent
+    power = str(exponent).replace("-", "−")
+    return Markup("{:.3g} … {:.3g} ·10<sup>{}</sup>").format(low / scale, high / scale, power)
+
+
 def _svg_dash(style: object) -> str:
     named = {"-": "", "--": "6 3", "-.": "7 3 1.5 3"}
     if isinstance(style, str):
@@ -220,17 +242,22 @@ def _table(
         (i for i, column in enumerate(columns) if column[1:] == (RANKED_PROTOCOL, ALL)), 0
     )
 
-    def rank(row: TableRow) -> tuple[bool, float, str]:
-        value = row.cells[ranking].sort
-        return (value is None, value or 0.0, row.name)
-
     return Table(
         split,
         metric,
         _TITLES[metric],
         tuple(title for title, _, _ in columns),
-        tuple(sorted(rows, key=rank)),
+        _ordered(rows, ranking),
+        ranking,
     )
+
+
+def _ordered(rows: list[TableRow], column: int) -> tuple[TableRow, ...]:
+    def rank(row: TableRow) -> tuple[bool, float, str]:
+        value = row.cells[column].sort
+        return (value is None, value or 0.0, row.name)
+
+    return tuple(sorted(rows, key=rank))
 
 
 def _cell(score: Score | None, metric: str, best: float | None) -> Cell:
@@ -240,9 +267,9 @@ def _cell(score: Score | None, metric: str, best: float | None) -> Cell:
         text = "n/a" if score.status == "not_applicable" else "not run"
         return Cell(Markup(text), note=score.reason or "")
     render = share if metric in SHARES else number
-    interval = Markup()
+    interval: Markup | str = ""
     if score.low is not None and score.high is not None and score.high > score.low:
-        interval = Markup("{} … {}").format(render(score.low), render(score.high))
+        interval = _interval(score.low, score.value, score.high, metric)
     seeds = f"{len(score.by_seed)} seeds: {', '.join(f'{value:.3g}' for value in score.by_seed)}"
     return Cell(
         render(score.value),

@@ -50,6 +50,11 @@ def validate(path: Path, dataset: xr.Dataset | None = None) -> Submission:
     truth = evaluated(records)
     card = score(predictions, truth, Normalisation.from_training(records))
     _compare(submission, card, path)
+    if card.perfect and submission.role == "model":
+        raise SubmissionError(
+            f"{path}: every error is exactly zero, which only the truth itself can be; submit "
+            "what a model predicts, or set role to 'ceiling'"
+        )
     return submission.model_copy(update={"badge": "rescored"})
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
+from dataset_shelf import Shelf, make_shelf
 from synthetic_records import synthetic_records
 
 from granbench.records import write_records
@@ -26,6 +27,12 @@ def records(_records: xr.Dataset) -> xr.Dataset:
 def records_file(records: xr.Dataset, tmp_path: Path) -> Path:
     """The synthetic records in a sealed file."""
     return write_records(records, tmp_path / "synthetic.nc")
+
+
+@pytest.fixture
+def shelf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shelf:
+    """A registry, mirror and cache of the test's own."""
+    return make_shelf(tmp_path, monkeypatch)
 
 
 @pytest.fixture

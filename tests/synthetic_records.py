@@ -182,7 +182,7 @@ def _integrate(
     strain = np.zeros((len(rows), steps, 3))
     stress = np.repeat(p0[:, None, None], steps, axis=1) * np.ones(3)
     voids = np.repeat(void[:, None], steps, axis=1)
-    substeps = 50
+    substeps = max(50, 2000 // steps)  # few records must not mean large increments
     for step in range(1, steps):
         increment = (deviatoric[:, step] - deviatoric[:, step - 1]) / substeps
         length = np.linalg.norm(increment, axis=-1)

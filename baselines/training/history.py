@@ -12,6 +12,7 @@ from granbench.baseline import EpochReport
 from granbench.errors import ModelError
 
 HISTORY_FILE = "history.csv"
+CURVE_FILE = "learning_curve.png"
 
 
 def write_history(folder: Path, reports: list[EpochReport]) -> None:
@@ -24,8 +25,8 @@ def write_history(folder: Path, reports: list[EpochReport]) -> None:
     os.replace(partial, folder / HISTORY_FILE)
 
 
-def read_history(folder: Path, *, until_epoch: int) -> list[EpochReport]:
-    """The reports of epochs 1 to `until_epoch`; later rows belong to a session that was killed.
+def read_history(folder: Path, until_epoch: int | None = None) -> list[EpochReport]:
+    """The reports of epochs 1 to `until_epoch`, or all; a killed session may have left more.
 
     Raises
     ------
@@ -46,31 +47,41 @@ def read_history(folder: Path, *, until_epoch: int) -> list[EpochReport]:
             f"{path}: the table of epochs cannot be read ({error}); remove the folder "
             f"{folder} and train again"
         ) from error
-    if [report.epoch for report in reports[:until_epoch]] != list(range(1, until_epoch + 1)):
+    kept = reports[:until_epoch]
+    wanted = len(reports) if until_epoch is None else until_epoch
+    if [report.epoch for report in kept] != list(range(1, wanted + 1)):
         raise ModelError(
             f"{path}: epochs are missing from the table; remove the folder {folder} and train again"
         )
-    return reports[:until_epoch]
+    return kept
 
 
 def learning_curve(reports: list[EpochReport]) -> xr.Dataset:
-    """The history as a dataset over `epoch`: `training_loss`, `validation_loss`, `learning_rate`.
+    """The history as a dataset over `epoch`: `training_loss` and `validation_loss`.
 
-    Losses are mean squared errors in units of the training split's variance.
+    Both are mean squared errors in units of the training split's variance.
     """
-    names = {
-        "training_loss": "training loss",
-        "validation_loss": "validation loss",
-        "learning_rate": "learning rate",
+    losses = {
+        name: (
+            "epoch",
+            np.asarray([getattr(report, name) for report in reports], dtype=np.float64),
+            {"units": "1", "long_name": name.replace("_", " ")},
+        )
+        for name in ("training_loss", "validation_loss")
     }
-    return xr.Dataset(
-        {
-            name: (
-                "epoch",
-                np.asarray([getattr(report, name) for report in reports], dtype=np.float64),
-                {"units": "1", "long_name": title},
-            )
-            for name, title in names.items()
-        },
-        {"epoch": np.asarray([report.epoch for report in reports], dtype=np.int64)},
-    )
+    return xr.Dataset(losses, {"epoch": [report.epoch for report in reports]})
+
+
+def draw_history(folder: Path, title: str) -> None:
+    """Write `learning_curve.png` from the table in the folder.
+
+    Raises
+    ------
+    ModelError
+        If the table is missing or damaged.
+    """
+    # Imported here: whoever only loads a model should not wait for matplotlib.
+    from granbench.plotting import learning_curve_figure, save_figure
+
+    curve = learning_curve(read_history(folder))
+    save_figure(learning_curve_figure(curve, title=title), folder / CURVE_FILE)

@@ -37,9 +37,7 @@ class ModelDescription:
     weights_sha256: str = ""
 
 
-def write_model(
-    folder: Path, weights: Mapping[str, Tensor], description: ModelDescription
-) -> Path:
+def write_model(folder: Path, weights: Mapping[str, Tensor], description: ModelDescription) -> Path:
     """Write both files, each whole or not at all; the description comes last.
 
     Returns

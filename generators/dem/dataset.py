@@ -38,6 +38,7 @@ SPECIMEN_FACTS = (
     "coefficient_of_uniformity",
     "coefficient_of_curvature",
     "particle_count",
+    "time_step",
 )
 TEST_FACTS = (
     "initial_void_ratio",

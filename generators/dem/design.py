@@ -28,7 +28,7 @@ ANCHOR_PRESSURE = 0.5e6
 as their first test, so that peak and critical states can be compared at equal stress."""
 
 FIRST_TESTS = 3
-"""Tests that every specimen gets: monotonic, cyclic, random strain."""
+"""Most tests that a specimen gets outside `closer_gradings`."""
 
 
 # Friction level of each seen grading that goes to these splits. Found by random search over
@@ -41,9 +41,10 @@ VALIDATION_FRICTION_LEVEL = (1, 0, 4, 3, 6, 5, 4, 3, 2)
 class TriaxialPreset(BaseModel):
     """A whole `dem-triaxial` campaign.
 
-    Every specimen gets one monotonic, one cyclic and one random-strain test. The specimens of
-    `closer_gradings`, whose time step is long for their median diameter and which are cheap for
-    that, get a second monotonic test and more of the other two families.
+    Every specimen gets one cyclic and one random-strain test, and every second friction level a
+    monotonic one. The specimens of `closer_gradings`, whose time step is long for their median
+    diameter and which are cheap for that, get two monotonic tests at every level and more of the
+    other two families.
 
     Parameters
     ----------
@@ -71,7 +72,7 @@ class TriaxialPreset(BaseModel):
     records: int = 240
     closer_gradings: tuple[str, ...] = ()
     closer_cyclic: int = 3
-    closer_random: int = 2
+    closer_random: int = 3
     replicates: int = 0
 
 
@@ -102,7 +103,7 @@ PRESETS = {
     ),
     "core": TriaxialPreset(
         name="core",
-        particle_count=4000,
+        particle_count=3800,
         gradings=ALL_GRADINGS,
         preparation_frictions=ALL_FRICTIONS,
         pressures=ALL_PRESSURES,
@@ -236,16 +237,17 @@ def _programmes(preset: TriaxialPreset, specimen: SpecimenPlan, seed: int) -> It
         return RandomStrain.draw(rng, pressure(4 + 2 * k))
 
     families = (ConstantMeanStress, ConstantMinorStress)
+    closer = specimen.grading in preset.closer_gradings
     if m in (0, len(preset.preparation_frictions) - 1) and ANCHOR_PRESSURE in preset.pressures:
         yield ConstantMeanStress(
             pressure=ANCHOR_PRESSURE, b=0.0, axial_strain=preset.monotonic_strain
         )
-    else:
-        yield monotonic(families[(g + m) % 2], 0)
+    elif closer or m % 2 == 0:
+        yield monotonic(families[(g + m // 2) % 2], 0)
     yield cyclic(0)
     yield random(0)
-    if specimen.grading in preset.closer_gradings:
-        yield monotonic(families[(g + m + 1) % 2], 2)
+    if closer:
+        yield monotonic(families[(g + m // 2 + 1) % 2], 2)
         yield from (cyclic(k) for k in range(1, 1 + preset.closer_cyclic))
         yield from (random(k) for k in range(1, 1 + preset.closer_random))
 

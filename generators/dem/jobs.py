@@ -71,6 +71,7 @@ def prepare(
     configuration: Mapping[str, Any], seed: int, inputs: Mapping[str, Path], out: Path
 ) -> None:
     """Prepare one specimen at every pressure and keep its restart files in `out`."""
+    material = ContactMaterial.model_validate(configuration["material"])
     grading = realise_grading(
         GRADINGS[configuration["grading"]],
         configuration["particle_count"],
@@ -82,7 +83,7 @@ def prepare(
         configuration["pressures"],
         seed,
         out,
-        ContactMaterial.model_validate(configuration["material"]),
+        material,
     )
     facts = {
         "grading_index": grading.grading_index,
@@ -92,6 +93,7 @@ def prepare(
         "coefficient_of_uniformity": grading.coefficient_of_uniformity,
         "coefficient_of_curvature": grading.coefficient_of_curvature,
         "particle_count": len(grading.diameters),
+        "time_step": material.time_step(grading.d_min / 2),
     }
     (out / "grading.json").write_text(json.dumps(facts, indent=1))
     (out / "grains.data").unlink()

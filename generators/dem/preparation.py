@@ -7,12 +7,13 @@ the other pressures. One preparation so serves all loading paths.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from granbench.errors import ConfigurationError, EngineError
 from granbench.generators.dem.box import GrainBox
@@ -20,20 +21,39 @@ from granbench.generators.dem.gradings import Grading
 from granbench.generators.dem.material import ContactMaterial
 from granbench.generators.dem.measurement import contacts, rate_at
 from granbench.generators.dem.packing import default_solid_fraction, place_grains
-from granbench.generators.dem.servo import StressServo
+from granbench.generators.dem.servo import ServoGains, StressServo
 
-APPROACH_INERTIAL_NUMBER = 1e-2
+APPROACH_INERTIAL_NUMBER = 3e-2
 """While grains hardly touch; relative to the lowest pressure."""
 
-COMPRESSION_INERTIAL_NUMBER = 2.5e-3
-CHUNK_STRAIN = 3e-4
+COMPRESSION_INERTIAL_NUMBER = 1e-2
+"""Bound on the way between isotropic states; every state is at rest when it is kept."""
+
+LARGEST_STRESS_STEP = 0.05
+"""Most that a chunk may change the mean stress by, over the target: no overshoot, which would
+leave a packing overconsolidated."""
+
+RESPONSE_TIME = 1.6
+"""Duration of a chunk in Rayleigh times of the median grain, some 8 steps of equal spheres."""
+
+GAINS = ServoGains(integral=0.03, integral_limit=0.1, rate_limit=1.0)
+"""The target stands still here: what is learnt need only follow creep, and must not wind up on the
+way to the target, which it would overshoot by a third."""
+
 PROBE_STRAIN = 2e-4
 
 STRESS_TOLERANCE = 3e-3
 """Relative error of each normal stress at which a state counts as reached."""
 
-ENERGY_TOLERANCE = 1e-5
-"""Kinetic energy over p V at which a state counts as quasi-static."""
+ENERGY_TOLERANCE = 1e-4
+"""Kinetic energy over p V at which a state counts as quasi-static; the servo's own jitter keeps it
+near that at 4 MPa, where the grains are stiff."""
+
+FIRST_MODULUS = 40.0
+"""Bulk modulus over pressure before it has been measured."""
+
+SMALLEST_BOX_EDGE_RATIO = 3.0
+"""Box edge over the largest diameter, below which grains meet their own images."""
 
 CALM_CHUNKS = 5
 QUENCH_CHUNKS = 10
@@ -76,7 +96,7 @@ class PreparedSpecimen(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    folder: Path
+    folder: Path = Field(exclude=True)
     material: ContactMaterial
     preparation_friction: float
     seed: int
@@ -102,10 +122,10 @@ class PreparedSpecimen(BaseModel):
         """Read a prepared specimen back; EngineError if the folder holds none."""
         path = Path(folder) / SPECIMEN_FILE
         try:
-            specimen = cls.model_validate_json(path.read_text())
+            facts = json.loads(path.read_text())
+            return cls.model_validate(facts | {"folder": Path(folder)})
         except (OSError, ValueError) as broken:
             raise EngineError(f"{path} holds no prepared specimen; prepare it again") from broken
-        return specimen.model_copy(update={"folder": Path(folder)})
 
 
 SPECIMEN_FILE = "specimen.json"
@@ -158,17 +178,16 @@ def prepare_specimen(
         folder / "preparation.log", folder / "grains.data", positions, grading.diameters, edge,
         material, preparation_friction,
     )  # fmt: skip
-    _approach(box, levels[0], grading.d50)
-    settle(box, levels[0], grading.d50, bulk_modulus=40 * levels[0])
+    steps = response_steps(box, grading.d50)
+    _approach(box, levels[0], grading.d50, steps)
+    modulus, reached = FIRST_MODULUS * levels[0], levels[0]
+    settle(box, reached, grading.d50, modulus, steps)
     box.set_friction(material.friction)
     states = []
-    modulus = 40 * levels[0]
     for pressure in levels:
-        if states:
-            _compress(box, pressure, grading.d50)
-        stress = settle(box, pressure, grading.d50, modulus)
+        modulus *= (pressure / reached) ** 0.5
+        stress, reached = settle(box, pressure, grading.d50, modulus, steps), pressure
         name = f"p{pressure / 1e6:g}.restart"
-        box.write_restart(folder / name)
         state = {
             "pressure": pressure,
             "restart_file": name,
@@ -178,9 +197,15 @@ def prepare_specimen(
             "kinetic_energy_ratio": box.kinetic_energy() / (pressure * box.volume),
         }
         edge = float(box.lengths.mean())
-        modulus = probe_bulk_modulus(box, pressure, grading.d50)
+        box.write_restart(folder / name)
+        modulus = probe_bulk_modulus(box, steps)
         states.append(PreparedState(**state, bulk_modulus=modulus))
     box.close()
+    if edge < SMALLEST_BOX_EDGE_RATIO * grading.d_max:
+        raise EngineError(
+            f"the box edge is {edge / grading.d_max:.2f} of the largest diameter at "
+            f"{levels[-1]:g} Pa, below {SMALLEST_BOX_EDGE_RATIO:g}; use more grains"
+        )
     specimen = PreparedSpecimen(
         folder=folder, material=material, preparation_friction=preparation_friction, seed=seed,
         particle_count=grading.diameters.size, d50=grading.d50,
@@ -192,8 +217,25 @@ def prepare_specimen(
     return specimen
 
 
-def settle(box: GrainBox, pressure: float, d50: float, bulk_modulus: float) -> np.ndarray:
+def response_steps(box: GrainBox, d50: float) -> int:
+    """Return the steps of a chunk in which the median grain (m) answers; sets the sampling."""
+    duration = RESPONSE_TIME * box.material.rayleigh_time_step(d50 / 2)
+    box.sample_every(max(1, round(duration / box.time_step / 5)))
+    return box.whole_chunk(duration / box.time_step)
+
+
+def settle(
+    box: GrainBox, pressure: float, d50: float, bulk_modulus: float, steps: int
+) -> np.ndarray:
     """Bring every normal stress to `pressure` (Pa) and wait until the grains are at rest.
+
+    Parameters
+    ----------
+    box : the grains, near or below the pressure
+    pressure : Pa
+    d50 : m
+    bulk_modulus : tangent K at the pressure, roughly, Pa
+    steps : of a chunk, from `response_steps`
 
     Returns
     -------
@@ -204,9 +246,9 @@ def settle(box: GrainBox, pressure: float, d50: float, bulk_modulus: float) -> n
     EngineError : the state is not reached
     """
     rate = rate_at(COMPRESSION_INERTIAL_NUMBER, d50, box.material.density, pressure)
-    steps = _chunk(box, rate)
     duration = steps * box.time_step
-    servo = StressServo(np.eye(3), np.eye(3))
+    largest = min(rate * duration, LARGEST_STRESS_STEP * pressure / (3 * bulk_modulus))
+    servo = StressServo(np.eye(3), np.eye(3), GAINS)
     increment = np.zeros(3)
     calm: list[np.ndarray] = []
     for number in range(MOST_CHUNKS):
@@ -223,45 +265,26 @@ def settle(box: GrainBox, pressure: float, d50: float, bulk_modulus: float) -> n
                 return np.mean(calm[-CALM_CHUNKS:], axis=0)
         else:
             calm.clear()
-        rates = servo.rates(error, bulk_modulus, duration, rate)
-        increment = np.clip(rates, -rate, rate) * duration
+        rates = servo.rates(error, np.zeros(3), bulk_modulus, duration, largest / duration)
+        increment = np.clip(rates * duration, -largest, largest)
     raise EngineError(
         f"the stress of {pressure:g} Pa was not settled in {MOST_CHUNKS} chunks; see {box.log_path}"
     )
 
 
-def probe_bulk_modulus(box: GrainBox, pressure: float, d50: float) -> float:
+def probe_bulk_modulus(box: GrainBox, steps: int) -> float:
     """Return the tangent bulk modulus K in Pa by a small isotropic compression."""
-    rate = rate_at(COMPRESSION_INERTIAL_NUMBER, d50, box.material.density, pressure)
-    steps = _chunk(box, rate)
     before = box.strain(np.zeros(3), steps)[:3].mean()
     box.strain(np.full(3, PROBE_STRAIN / 3), steps)
     after = box.strain(np.zeros(3), steps)[:3].mean()
     return float((after - before) / PROBE_STRAIN)
 
 
-def _approach(box: GrainBox, pressure: float, d50: float) -> None:
+def _approach(box: GrainBox, pressure: float, d50: float, steps: int) -> None:
     """Compress the loose grains until they carry a tenth of `pressure`."""
     rate = rate_at(APPROACH_INERTIAL_NUMBER, d50, box.material.density, pressure)
-    _compress_until(box, 0.1 * pressure, rate)
-
-
-def _compress(box: GrainBox, pressure: float, d50: float) -> None:
-    rate = rate_at(COMPRESSION_INERTIAL_NUMBER, d50, box.material.density, pressure)
-    _compress_until(box, 0.98 * pressure, rate / 2)
-
-
-def _compress_until(box: GrainBox, pressure: float, rate: float) -> None:
-    steps = _chunk(box, rate)
     increment = np.full(3, rate * steps * box.time_step)
     for _ in range(MOST_CHUNKS):
-        if box.strain(increment, steps)[:3].mean() >= pressure:
+        if box.strain(increment, steps)[:3].mean() >= 0.1 * pressure:
             return
-    raise EngineError(f"the packing never reached {pressure:g} Pa; see {box.log_path}")
-
-
-def _chunk(box: GrainBox, rate: float) -> int:
-    """Return the steps of a chunk of about CHUNK_STRAIN, sampled five times."""
-    steps = CHUNK_STRAIN / (rate * box.time_step)
-    box.sample_every(max(1, round(steps / 5)))
-    return box.whole_chunk(steps)
+    raise EngineError(f"the packing never reached {0.1 * pressure:g} Pa; see {box.log_path}")

@@ -23,8 +23,15 @@ INERTIAL_NUMBER = 2.4e-3
 LARGEST_INERTIAL_NUMBER = 2.5e-3
 """Quasi-static bound of Eq 2.6; the drive keeps a little below it, as p changes in a chunk."""
 
-CHUNK_STRAIN = 5e-4
-SAMPLES_A_CHUNK = 6
+LONGEST_CHUNK = 5e-4
+SHORTEST_CHUNK = 1e-4
+CHUNKS_A_RECORD = 3
+CHUNK_STRESS_STEP = 0.012
+"""Elastic stress change K d(eps) / p in a chunk: stiff packings need shorter chunks."""
+
+FEWEST_STEPS_A_CHUNK = 4
+
+SAMPLES_A_CHUNK = 5
 
 LARGEST_SERVO_ERROR = 0.01
 SERVO_START = 2e-3
@@ -135,8 +142,8 @@ def run_test(
         log_path, specimen.folder / state.restart_file, specimen.diameters(), specimen.material,
         specimen.material.friction,
     )  # fmt: skip
-    driver = _Driver(box, specimen.d50, state.bulk_modulus, programme)
     positions = np.linspace(0.0, programme.path_length, records + 1)
+    driver = _Driver(box, specimen.d50, state.bulk_modulus, programme, positions[1])
     # Contacts can be read only after a first run.
     initial = driver.hold()
     snapshots = [driver.snapshot()]
@@ -157,7 +164,12 @@ class _Driver:
     """Drives a box along a programme, chunk by chunk."""
 
     def __init__(
-        self, box: GrainBox, d50: float, bulk_modulus: float, programme: LoadingProgramme
+        self,
+        box: GrainBox,
+        d50: float,
+        bulk_modulus: float,
+        programme: LoadingProgramme,
+        record_length: float,
     ) -> None:
         self._box = box
         self._programme = programme
@@ -169,12 +181,16 @@ class _Driver:
         self._mean_stress = programme.pressure
         self._rates = np.zeros(programme.free_directions.shape[1])
         self.steps = 0
-        steps = CHUNK_STRAIN / (self._driving_rate() * box.time_step)
-        box.sample_every(max(1, int(steps / SAMPLES_A_CHUNK)))
+        stiffness = bulk_modulus / programme.pressure
+        a_step = self._driving_rate() * box.time_step
+        longest = min(LONGEST_CHUNK, record_length / CHUNKS_A_RECORD)
+        chunk = min(max(CHUNK_STRESS_STEP / stiffness, SHORTEST_CHUNK), longest)
+        self._chunk = max(chunk, FEWEST_STEPS_A_CHUNK * a_step)
+        box.sample_every(max(1, int(self._chunk / a_step / SAMPLES_A_CHUNK)))
 
     def hold(self) -> Floats:
         """Return the stress (6,) of the box at rest."""
-        steps = self._box.whole_chunk(CHUNK_STRAIN / self._driving_rate() / self._box.time_step)
+        steps = self._box.whole_chunk(self._chunk / self._driving_rate() / self._box.time_step)
         return self._box.strain(np.zeros(3), steps)
 
     def snapshot(self) -> _Snapshot:
@@ -188,7 +204,7 @@ class _Driver:
         chunks = []
         corners = [s for s in self._programme.turning_points if start < s < end]
         for low, high in zip([start, *corners], [*corners, end], strict=True):
-            count = max(1, math.ceil((high - low) / CHUNK_STRAIN - 1e-6))
+            count = max(1, math.ceil((high - low) / self._chunk - 1e-6))
             edges = np.linspace(low, high, count + 1)
             chunks += [self._drive_chunk(a, b) for a, b in zip(edges, edges[1:], strict=False)]
         return chunks
@@ -209,8 +225,10 @@ class _Driver:
             raise QualityError(f"the mean stress vanished at a driving strain of {end:.4f}")
         # The tangent stiffness of contacts grows about with the root of p.
         modulus = self._modulus * math.sqrt(self._mean_stress / programme.pressure)
-        error = programme.targets(end) - programme.controlled_stresses @ stress[:3]
-        self._rates = self._servo.rates(error, modulus, duration, rate)
+        middle = 0.5 * (start + end)
+        error = programme.targets(middle) - programme.controlled_stresses @ stress[:3]
+        change = programme.targets(middle + end - start) - programme.targets(middle)
+        self._rates = self._servo.rates(error, change, modulus, duration, rate)
         number = inertial_number(rate, self._d50, self._density, self._mean_stress)
         return _Chunk(start, end, stress, number, duration)
 

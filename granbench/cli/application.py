@@ -13,6 +13,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from granbench import __version__
+from granbench.cli import data, evaluate, leaderboard, submission, train
 from granbench.errors import GranbenchError
 
 USER_ERROR = 2
@@ -47,21 +48,18 @@ def granbench(
     """The open benchmark of data-driven geomechanics: generate, train, score."""
 
 
-# BEGIN temporary: until every command module exists
-import importlib
+app.add_typer(data.app, name="data")
+app.command()(train.train)
+app.command()(evaluate.evaluate)
+app.add_typer(submission.app, name="submission")
+app.add_typer(leaderboard.app, name="leaderboard")
+# BEGIN temporary: until generate exists
+import contextlib
 
-for _name in ("data", "submission", "leaderboard"):
-    try:
-        app.add_typer(importlib.import_module(f"granbench.cli.{_name}").app, name=_name)
-    except ModuleNotFoundError as _e:
-        if not str(_e.name).startswith("granbench"):
-            raise
-for _name in ("generate", "train", "evaluate"):
-    try:
-        app.command(_name)(getattr(importlib.import_module(f"granbench.cli.{_name}"), _name))
-    except ModuleNotFoundError as _e:
-        if not str(_e.name).startswith("granbench"):
-            raise
+with contextlib.suppress(ImportError):
+    from granbench.cli.generate import generate
+
+    app.command()(generate)
 # END temporary
 
 

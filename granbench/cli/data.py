@@ -63,7 +63,7 @@ def list_datasets(as_json: Json = False) -> None:
         size = f"{entry.bytes / 1e6:.1f} MB"
         place = "yes" if file else "no"
         table.add_row(entry.id, entry.version, entry.tier, size, place, entry.title)
-    Console().print(table)
+    Console(markup=False).print(table)
 
 
 @app.command()
@@ -101,7 +101,7 @@ def _print_paths(ds: Any, as_json: bool) -> None:
 
 
 def _print_summary(summary: dict[str, Any]) -> None:
-    console = Console()
+    console = Console(markup=False)
     facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     facts.add_column()
     facts.add_column(overflow="fold")
@@ -128,7 +128,7 @@ def _print_summary(summary: dict[str, Any]) -> None:
         facts.add_row("e0", f"{low:.3f} to {high:.3f}")
     for key, value in summary["quality"].items():
         facts.add_row(key.replace("_", " "), f"{value:.3g}")
-    console.print(f"[bold]{summary['dataset']} {summary['version']}[/bold]")
+    console.print(f"{summary['dataset']} {summary['version']}", style="bold")
     console.print(facts)
     splits = Table("split", "paths", "specimens")
     for name, counts in summary["splits"].items():

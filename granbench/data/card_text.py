@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import xarray as xr
 
-from granbench.observations import MONOTONIC_FAMILIES, select
 from granbench.data.replicates import replicate_scatter
 from granbench.data.splits import leak_report, split_hash, split_names
 from granbench.errors import DatasetError
+from granbench.observations import MONOTONIC_FAMILIES, select
 from granbench.plotting.quality import QUALITY_LIMITS
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from granbench.errors import RegistryError
+from granbench.schema import path_blocks
 
 FEATURE_STEPS = 61
 """Steps of a path that the nearest-path distance looks at, evenly spaced: enough for the shape
@@ -106,14 +107,15 @@ def _shared(labels: np.ndarray | list[str], split: np.ndarray) -> tuple[str, ...
 
 
 def _identical(ds: xr.Dataset) -> tuple[tuple[str, str], ...]:
+    names = iter(ds["path_id"].values.astype(str).tolist())
     first_of: dict[bytes, str] = {}
     pairs = []
-    for row, name in enumerate(ds["path_id"].values.astype(str)):
-        digest = hashlib.sha256()
-        for variable in ("strain", "stress"):
-            digest.update(np.ascontiguousarray(ds[variable].isel(path=row).values).tobytes())
-        if (earlier := first_of.setdefault(digest.digest(), str(name))) != name:
-            pairs.append((earlier, str(name)))
+    for block in zip(path_blocks(ds["strain"]), path_blocks(ds["stress"]), strict=True):
+        for record in zip(*block, strict=True):
+            digest = hashlib.sha256(b"".join(values.tobytes() for values in record)).digest()
+            name = next(names)
+            if (earlier := first_of.setdefault(digest, name)) != name:
+                pairs.append((earlier, name))
     return tuple(pairs)
 
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from granbench.paths.programme import Floats, LoadingProgramme, require
 
-DRAWN_PATH_LENGTH = 0.15
-DRAWN_UNLOADING_STRAINS = (0.01, 0.08)
-DRAWN_AMPLITUDES = (0.002, 0.010)
-DRAWN_TOTAL_AMPLITUDE = 0.030
+DRAWN_PATH_LENGTH = 0.10
+DRAWN_UNLOADING_STRAINS = (0.008, 0.055)
+DRAWN_AMPLITUDES = (0.002, 0.008)
+DRAWN_TOTAL_AMPLITUDE = 0.021
 """Most strain that the loops unload, so that the last one ends before the path does."""
 DRAWN_LOOPS = (3, 6)
 
@@ -51,7 +51,7 @@ class CyclicTriaxial(LoadingProgramme):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, pressure: float) -> Self:
-        """Draw the loops at random such that the whole path has a length of 0.15."""
+        """Draw the loops at random such that the whole path has a length of 0.10."""
         loops = int(rng.integers(DRAWN_LOOPS[0], DRAWN_LOOPS[1] + 1))
         # One loop in each equal part of the range, so that loops do not run into each other.
         edges = np.linspace(*DRAWN_UNLOADING_STRAINS, loops + 1)

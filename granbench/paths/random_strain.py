@@ -11,8 +11,17 @@ import numpy as np
 from granbench.paths.programme import Floats, LoadingProgramme, require
 
 STRAIN_MODES = 5
-PRESSURE_MODES = 4
+PRESSURE_MODES = 2
+PRESSURE_GAIN = 1.5
+"""Spread of the random ln(p) within its bounds. With the modes it sets how steep p may be: the
+volumetric rate that p needs must stay within a few times the deviatoric one to be quasi-static."""
+
+HIGHEST_DRAWN_PRESSURE = 8e6
+"""Pa; above it the contacts of these soft grains overlap too far for Hertz's law."""
+
 TABLE_POINTS = 4001
+TABLE_END = 1.02
+"""The path goes on smoothly beyond its end, for a driver that looks ahead."""
 
 
 class RandomStrain(LoadingProgramme):
@@ -40,7 +49,7 @@ class RandomStrain(LoadingProgramme):
     loading_family: ClassVar[str] = "random-strain"
 
     seed: int
-    length: float = 0.12
+    length: float = 0.08
     lowest_pressure: float = 0.5
     highest_pressure: float = 3.0
 
@@ -54,7 +63,11 @@ class RandomStrain(LoadingProgramme):
     @classmethod
     def draw(cls, rng: np.random.Generator, pressure: float) -> Self:
         """Draw a path at random from `rng`."""
-        return cls(pressure=pressure, seed=int(rng.integers(2**31)))
+        return cls(
+            pressure=pressure,
+            seed=int(rng.integers(2**31)),
+            highest_pressure=min(3.0, HIGHEST_DRAWN_PRESSURE / pressure),
+        )
 
     @property
     def path_length(self) -> float:
@@ -90,18 +103,20 @@ def _tabulate(
     seed: int, length: float, log_bounds: tuple[float, float]
 ) -> tuple[Floats, Floats, Floats]:
     rng = np.random.default_rng(seed)
-    t = np.linspace(0.0, 1.0, TABLE_POINTS)
+    t = np.linspace(0.0, TABLE_END, TABLE_POINTS)
     plane = np.stack([_smooth(t, STRAIN_MODES, rng) for _ in range(2)], axis=1)
     # Orthonormal axes of the deviatoric plane: 11 against the others, and 22 against 33.
     axes = np.array([[2.0, -1.0, -1.0] / np.sqrt(6.0), [0.0, 1.0, -1.0] / np.sqrt(2.0)])
     strain = plane @ axes
     pieces = np.sqrt(2 / 3) * np.linalg.norm(np.diff(strain, axis=0), axis=1)
     travelled = np.concatenate([[0.0], np.cumsum(pieces)])
-    scale = length / travelled[-1]
+    scale = length / np.interp(1.0, t, travelled)
     low, high = log_bounds
     start = -low / (high - low)
     offset = math.log(start / (1 - start))
-    log_ratio = low + (high - low) / (1 + np.exp(-offset - 2 * _smooth(t, PRESSURE_MODES, rng)))
+    # Smooth in the driven length: where the strain path turns, t runs on but the test does not.
+    spread = PRESSURE_GAIN * _smooth(travelled * scale / length, PRESSURE_MODES, rng)
+    log_ratio = low + (high - low) / (1 + np.exp(-offset - spread))
     return travelled * scale, strain * scale, log_ratio
 
 

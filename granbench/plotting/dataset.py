@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
+from granbench.errors import DatasetError
 from granbench.observations import (
     CriticalStateLine,
     comparable_compressions,
@@ -22,7 +23,6 @@ from granbench.observations import (
     select,
     stress_ratio,
 )
-from granbench.errors import DatasetError
 from granbench.plotting.style import (
     MARKERS,
     TRUTH,

@@ -4,6 +4,7 @@ Figures are built on `matplotlib.figure.Figure` itself, never on pyplot, so that
 changes nothing anywhere else and needs no screen.
 """
 
+import contextlib
 import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ PANEL_SIZE = (3.5, 2.9)
 RESOLUTION = 130
 """Dots per inch of a saved PNG: sharp in a page, some 100 kB."""
 
-SETTINGS = {
+SETTINGS: dict[Any, Any] = {
     "axes.grid": True,
     "axes.spines.right": False,
     "axes.spines.top": False,
@@ -187,9 +188,11 @@ def save_figure(figure: Figure, path: Path | str) -> Path:
         figure.savefig(partial, format="png", dpi=RESOLUTION, metadata={"Software": None})
         partial.replace(path)
     except OSError as error:
-        partial.unlink(missing_ok=True)
         raise ConfigurationError(
             f"{path}: the figure cannot be written ({error.strerror or error}); choose a folder "
             "that is writable and has free space"
         ) from error
+    finally:
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
     return path

@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Iterator
-from typing import Literal
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -102,6 +103,11 @@ class Scorecard(_Record):
     scores: tuple[Score, ...]
     curves: tuple[Curve, ...]
 
+    @property
+    def perfect(self) -> bool:
+        """Whether every score is exactly zero, as only the truth itself can be."""
+        return not any(score.value for score in self.scores)
+
     def find(self, protocol: str, split: str, metric: str, group: str = ALL) -> Score:
         """One score.
 
@@ -118,9 +124,7 @@ class Scorecard(_Record):
         raise KeyError(f"no score {metric} for {protocol} on {split}, {group}")
 
 
-def score(
-    predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation
-) -> Scorecard:
+def score(predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation) -> Scorecard:
     """Score predictions against the records.
 
     Parameters
@@ -153,22 +157,12 @@ def score(
 def _every_score(statistics: xr.Dataset) -> Iterator[Score]:
     splits = statistics["split"].values.astype(str)
     families = statistics["loading_family"].values.astype(str)
-    table = metrics([str(label) for label in statistics["component"].values])
-    present = set(statistics["protocol"].values.astype(str))
     for split in _split_order(splits):
-        groups = [(ALL, splits == split)]
+        yield from _scores_of(statistics, splits == split, split, ALL)
         for family in sorted(set(families[splits == split])):
-            groups.append((family, (splits == split) & (families == family)))
-        for group, chosen in groups:
-            member = statistics.isel(path=np.flatnonzero(chosen))
-            resampling = Resampling.by_specimen(member["specimen"].values)
-            for spec in PROTOCOLS.values():
-                for metric in table:
-                    if group == ALL or metric.by_family:
-                        yield _one_score(
-                            member, resampling, spec, metric, split, group,
-                            evaluated=spec.name in present,
-                        )  # fmt: skip
+            yield from _scores_of(
+                statistics, (splits == split) & (families == family), split, family
+            )
         for axis, reason in UNMEASURED.items():
             yield Score(
                 axis=axis, protocol=axis, split=split, metric=ALL, status="not_applicable",
@@ -176,33 +170,50 @@ def _every_score(statistics: xr.Dataset) -> Iterator[Score]:
             )  # fmt: skip
 
 
+def _scores_of(
+    statistics: xr.Dataset, chosen: np.ndarray, split: str, group: str
+) -> Iterator[Score]:
+    member = statistics.isel(path=np.flatnonzero(chosen))
+    resampling = Resampling.by_specimen(member["specimen"].values)
+    table = metrics([str(label) for label in statistics["component"].values])
+    shown = [metric for metric in table if group == ALL or metric.by_family]
+    present = list(member["protocol"].values)
+    for spec in PROTOCOLS.values():
+        found = member.isel(protocol=present.index(spec.name)) if spec.name in present else None
+        columns = (
+            {str(name): found[name].values for name in found.data_vars}
+            if found is not None
+            else None
+        )
+        for metric in shown:
+            yield _one_score(
+                columns, resampling, spec, metric, split=split, group=group,
+                n=member.sizes["path"],
+            )  # fmt: skip
+
+
 def _one_score(
-    member: xr.Dataset,
+    columns: dict[str, np.ndarray] | None,
     resampling: Resampling,
     spec: ProtocolSpec,
     metric: Metric,
-    split: str,
-    group: str,
-    *,
-    evaluated: bool,
+    **place: Any,
 ) -> Score:
-    place = {
-        "axis": spec.axis, "protocol": spec.name, "split": split, "group": group,
-        "metric": metric.name, "unit": metric.unit, "n": member.sizes["path"],
+    place |= {
+        "axis": spec.axis, "protocol": spec.name, "metric": metric.name, "unit": metric.unit,
     }  # fmt: skip
-    if not evaluated:
+    if columns is None:
         reason = f"axis {spec.axis} was left out of the evaluation"
         return Score(**place, status="not_run", reason=reason)
-    obstacle = metric.obstacle(spec, [str(name) for name in member.data_vars])
+    obstacle = metric.obstacle(spec, list(columns))
     if obstacle is not None:
         return Score(**place, status="not_applicable", reason=obstacle)
-    column = member[metric.statistic].sel(protocol=spec.name)
+    values = columns[metric.statistic]
     if metric.component is not None:
-        column = column.isel(component=metric.component)
-    values = column.values
+        values = values[..., metric.component]
     value = metric.estimate(values)
     if not math.isfinite(value):
-        reason = "fewer than half of the paths diverge"
+        reason = "in some seed fewer than half of the paths diverge"
         return Score(**place, status="not_applicable", reason=reason)
     resampled = metric.resampled(values)
     low, high = resampling.interval(resampled) if resampled else (math.inf, math.inf)
@@ -228,7 +239,7 @@ def _every_curve(statistics: xr.Dataset) -> Iterator[Curve]:
             horizon, errors = horizon_means(step_error, spec.name)
             shown = np.unique(np.linspace(0, len(horizon) - 1, CURVE_HORIZONS).round().astype(int))
             errors = errors[:, shown]
-            low, high = resampling.interval(lambda w, e=errors: weighted_mean(e, w))
+            low, high = resampling.interval(partial(weighted_mean, errors))
             yield Curve(
                 protocol=spec.name,
                 split=split,
@@ -244,6 +255,6 @@ def _split_order(splits: np.ndarray) -> list[str]:
     return sorted(set(splits), key=lambda name: (name != "test", name))
 
 
-def _digits(value: float) -> float:
+def _digits(value: Any) -> float:
     """Nine significant digits: more than any meaning, fewer than differ between machines."""
-    return float(f"{value:.9g}")
+    return float(f"{float(value):.9g}")

@@ -89,10 +89,11 @@ def path_statistics(
     counted = slice(1, None)  # every protocol's first predicted step, checked when opened
     predicted = quantise(predictions["stress"].values)[..., counted, :].astype(np.float64)
     true = quantise(truth["stress"].values)[..., counted, :].astype(np.float64)
-    broken = ~np.isfinite(predicted).all(axis=-1)
+    broken = np.logical_not(np.isfinite(predicted).all(axis=-1, keepdims=True))
 
-    component_error = _squared(predicted, true, normalisation.std["stress"], broken[..., None])
+    component_error = _squared(predicted, true, normalisation.std["stress"], broken)
     step_error = component_error.mean(axis=-1)
+    broken = broken[..., 0]
     relative = _relative(predicted, true, list(truth["component"].values.astype(str)), broken)
     error_point = relative > ERROR_POINT
     divergence_step = _divergence_step(error_point)
@@ -116,13 +117,11 @@ def path_statistics(
             void_ratio, true_void_ratio, normalisation.std["void_ratio"], void_broken
         ).mean(axis=-1)
         outputs = by_component.shape[-1]
-        columns["void_ratio_squared_error"] = (dims, error)
-        columns["output_squared_error"] = (
-            dims,
-            (by_component.sum(axis=-1) + error) / (outputs + 1),
-        )
+        joint = (np.sum(by_component, axis=-1) + error) / (outputs + 1)
+        columns["void_ratio_squared_error"] = (dims, np.asarray(error))
+        columns["output_squared_error"] = (dims, np.asarray(joint))
         broken = broken | void_broken
-    columns["failed"] = (dims, broken.any(axis=-1).astype(np.float64))
+    columns["failed"] = (dims, np.asarray(broken.any(axis=-1), dtype=np.float64))
     paths = {
         name: ("path", truth[name].values.astype(object))
         for name in ("path_id", "specimen", "split", "loading_family")

@@ -180,7 +180,9 @@ def test_a_bug_in_a_strangers_cell_is_told_with_its_place(scored):
         def forward(self, dstrain, stress):
             return stress @ torch.ones(4, 3)
 
-    with pytest.raises(ModelError, match=r"protocol rollout with RuntimeError.* at .*\.py line \d+"):
+    with pytest.raises(
+        ModelError, match=r"protocol rollout with RuntimeError.* at .*\.py line \d+"
+    ):
         predict({0: ModuleCell(Wide(), name="wide")}, scored, ["rollout"])
 
 

@@ -45,9 +45,7 @@ def test_clustering_widens_the_interval():
 
 def test_the_interval_of_a_mean_has_the_width_of_theory():
     values = np.random.default_rng(3).normal(size=400)
-    low, high = Resampling.by_specimen(np.arange(400)).interval(
-        lambda w: weighted_mean(values, w)
-    )
+    low, high = Resampling.by_specimen(np.arange(400)).interval(lambda w: weighted_mean(values, w))
     # 2000 resamples leave a few per cent of noise in a 95 % bound.
     assert high - low == pytest.approx(2 * 1.96 * values.std() / 20.0, rel=0.08)
     assert low < values.mean() < high
@@ -61,7 +59,5 @@ def test_the_stream_is_frozen():
 
 def test_infinite_values_stay_infinite():
     values = np.array([1.0, np.inf, np.inf, 2.0])
-    low, high = Resampling.by_specimen(np.arange(4)).interval(
-        lambda w: weighted_median(values, w)
-    )
+    low, high = Resampling.by_specimen(np.arange(4)).interval(lambda w: weighted_median(values, w))
     assert low < np.inf and high == np.inf

@@ -1,0 +1,49 @@
+#!/usr/bin/env bash
+# From particles to a leaderboard row, about ten minutes on two cores: `make demo`, or
+# demo.sh [FOLDER] with GranBench installed. Every line that begins with $ is a command that can
+# be typed by hand. Run it again to continue after an interruption.
+set -euo pipefail
+out=${1:-demo-out}
+minutes=${TRAINING_MINUTES:-3}
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+board=leaderboard/submissions/dem-triaxial
+file=dem-triaxial-1.0.0.nc
+
+if [ -t 1 ]; then bold=$'\e[1m' plain=$'\e[0m'; else bold= plain=; fi
+title() { printf '\n%s%s%s\n' "$bold" "$1" "$plain"; }
+run() {
+  printf '$ %s\n' "$*"
+  "$@"
+}
+mkdir -p "$out/pictures"
+
+title "1. Fresh DEM tests: two packings of 400 grains, loaded in four ways"
+if command -v liggghts >/dev/null; then
+  run granbench generate dem-triaxial --preset smoke --out "$out/fresh" --workers 2
+  specimen=$(ls -d "$out"/fresh/campaign/results/specimen* | head -n 1)
+  python docs/examples/packing_picture.py "$specimen" "$out/pictures/packing.png" >"$out/fresh/picture.log"
+else
+  echo "LIGGGHTS is missing, so no fresh tests are made; everything below works without it."
+fi
+
+title "2. The shipped dataset, fetched and verified"
+run granbench data fetch dem-triaxial --dest "$out"
+run granbench data verify "$out/$file"
+run granbench data info dem-triaxial
+
+title "3. An mLSTM, trained for $minutes minutes"
+run granbench train mlstm --task dem-triaxial --budget "$minutes" --out "$out/mlstm"
+
+title "4. Its scores against the shipped LSTM and the floors"
+run granbench evaluate "$out/mlstm" --task dem-triaxial --name mlstm-demo \
+  --against "$board/lstm.json" --against "$board/linear-elastic.json" \
+  --against "$board/persistence.json" --out "$out/submission.json"
+run granbench submission validate "$out/submission.json"
+
+title "5. The leaderboard with its row"
+run granbench leaderboard build --with "$out/submission.json" --out "$out/leaderboard"
+
+title "6. Pictures"
+run python docs/examples/prediction_pictures.py "$out/submission.json" "$out/pictures"
+printf '\nThe leaderboard: %s\nThe pictures:\n' "$out/leaderboard/index.html"
+ls "$out"/pictures/*.png

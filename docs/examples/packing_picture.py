@@ -1,0 +1,35 @@
+"""Draw a packing that a DEM campaign prepared: packing_picture.py SPECIMEN_FOLDER PICTURE.
+
+The grains are read back from the restart file of the specimen's lowest pressure by LIGGGHTS
+itself, which writes nothing else that holds their places.
+"""
+
+import sys
+import tempfile
+from pathlib import Path
+
+from granbench.generators.dem.box import GrainBox
+from granbench.generators.dem.preparation import PreparedSpecimen
+from granbench.plotting import packing_figure, save_figure
+
+
+def main(folder: Path, picture: Path) -> None:
+    """Draw the specimen in `folder`."""
+    specimen = PreparedSpecimen.load(folder)
+    state = specimen.states[0]
+    with tempfile.TemporaryDirectory() as scratch:
+        box = GrainBox.from_restart(
+            Path(scratch) / "liggghts.log",
+            folder / state.restart_file,
+            specimen.diameters(),
+            specimen.material,
+            specimen.material.friction,
+        )
+        positions = box.engine.positions() - box.engine.box_low()
+        figure = packing_figure(positions, 2.0 * box.radii, box.lengths)
+        box.close()
+    save_figure(figure, picture)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -1,0 +1,229 @@
+"""`granbench evaluate`: score a model on a task and write its submission."""
+
+import shlex
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from granbench.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from granbench.candidate import Candidate
+    from granbench.leaderboard.submission import Submission
+    from granbench.predictions import ProtocolSpec
+    from granbench.scoring import Score
+
+HOUSE_AUTHORS = "The GranBench authors"
+HOUSE_LICENCE = "BSD-3-Clause"
+
+
+def evaluate(
+    model: Annotated[
+        str,
+        typer.Argument(
+            help="Baseline name, folder of a trained model, or package.module:factory of a cell."
+        ),
+    ],
+    task: Annotated[
+        str, typer.Option("--task", help="Dataset name, NAME@VERSION or netCDF file.")
+    ] = "dem-triaxial",
+    axis: Annotated[
+        list[str] | None,
+        typer.Option("--axis", help="single-step, window, rollout or noise; all by default."),
+    ] = None,
+    model_dir: Annotated[
+        list[Path] | None, typer.Option("--model-dir", help="Trained model; once for each seed.")
+    ] = None,
+    seeds: Annotated[
+        str | None, typer.Option("--seeds", help="Comma-separated; of the models or the noise.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", help="Submission to write.")] = Path(
+        "submission.json"
+    ),
+    name: Annotated[str | None, typer.Option("--name", help="Name on the leaderboard.")] = None,
+    title: Annotated[str | None, typer.Option("--title", help="One line about it.")] = None,
+    authors: Annotated[
+        str | None, typer.Option("--authors", help="Comma-separated; 'anonymous' by default.")
+    ] = None,
+    code: Annotated[str | None, typer.Option("--code", help="Address of the model's code.")] = None,
+    licence: Annotated[str | None, typer.Option("--licence", help="Of the model.")] = None,
+    training_data: Annotated[
+        str | None, typer.Option("--training-data", help="What it was trained on.")
+    ] = None,
+    against: Annotated[
+        list[Path] | None,
+        typer.Option("--against", help="Submission to compare with in the table."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the submission instead of a table.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
+) -> None:
+    """Score a model on every axis of a task and write its submission and predictions."""
+    from granbench.candidate import find_candidate
+    from granbench.data.store import file_of
+    from granbench.leaderboard.composition import check_target, compose
+    from granbench.leaderboard.submission import About, read_submission
+    from granbench.predictions import AXES, evaluated, protocols_of
+    from granbench.protocols import predict
+    from granbench.records import open_records
+
+    numbers = _numbers(seeds)
+    axes = tuple(axis or AXES)
+    protocols = protocols_of(axes)
+    check_target(out)
+    others = [read_submission(path) for path in against or ()]
+    with open_records(file_of(task)) as records:
+        candidate = find_candidate(model, records, folders=model_dir or (), seeds=numbers)
+        about = About.checked(
+            name=name or candidate.name,
+            title=title or getattr(candidate.baseline, "title", None),
+            authors=_authors(authors, candidate),
+            code=code,
+            role="model" if candidate.trained else "floor",
+            parameters=candidate.parameters,
+            training_data=training_data or _training_data(candidate, records.attrs),
+            licence=licence or (HOUSE_LICENCE if candidate.baseline else "not stated"),
+            command=_command(model, task, axis, model_dir, candidate.cells, out),
+        )
+        runs = len(candidate.cells) * len(protocols)
+        with _bar(runs, about.name, quiet or as_json) as advance:
+            predictions = predict(
+                candidate.cells, evaluated(records).load(), axes, progress=advance
+            )
+        submission = compose(predictions, records, about, out)
+    if as_json:
+        typer.echo(out.read_text(encoding="utf-8"))
+    elif not quiet:
+        console = Console()
+        for table in _tables(submission, others):
+            console.print(table)
+        megabytes = submission.predictions.bytes / 1e6
+        typer.echo(f"{out} and {submission.predictions.file} ({megabytes:.1f} MB) are written")
+
+
+def _numbers(seeds: str | None) -> list[int] | None:
+    if seeds is None:
+        return None
+    try:
+        numbers = [int(text) for text in seeds.split(",")]
+    except ValueError as error:
+        raise ConfigurationError(
+            f"--seeds {seeds!r} is not a list of numbers such as 0,1,2"
+        ) from error
+    if min(numbers) < 0 or len(set(numbers)) < len(numbers):
+        raise ConfigurationError(f"--seeds {seeds!r} must be different numbers, none negative")
+    return numbers
+
+
+def _authors(authors: str | None, candidate: "Candidate") -> tuple[str, ...]:
+    named = tuple(author.strip() for author in (authors or "").split(",") if author.strip())
+    return named or (HOUSE_AUTHORS if candidate.baseline else "anonymous",)
+
+
+def _training_data(candidate: "Candidate", attrs: dict[str, Any]) -> str:
+    if candidate.training_data:
+        return candidate.training_data
+    if not candidate.trained:
+        return f"{attrs.get('dataset')} {attrs.get('version')}, split train at most"
+    return "not stated"
+
+
+def _command(
+    model: str,
+    task: str,
+    axes: Sequence[str] | None,
+    folders: Sequence[Path] | None,
+    seeds: Any,
+    out: Path,
+) -> str:
+    """The command as it can be shown: folders by their last name only."""
+    model_name = model if ":" in model else Path(model).name
+    words = ["granbench", "evaluate", model_name, "--task", Path(task).name]
+    for axis in axes or ():
+        words += ["--axis", axis]
+    for folder in folders or ():
+        words += ["--model-dir", folder.resolve().name]
+    words += ["--seeds", ",".join(map(str, seeds)), "--out", out.name]
+    return shlex.join(words)
+
+
+@contextmanager
+def _bar(runs: int, name: str, hidden: bool) -> Iterator["Callable[[int, ProtocolSpec], None]"]:
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    )  # fmt: skip
+    hidden = hidden or not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
+        job = progress.add_task(f"evaluating {name}", total=runs)
+
+        def advance(seed: int, spec: "ProtocolSpec") -> None:
+            progress.update(job, advance=1, description=f"{name}, seed {seed}: {spec.title}")
+
+        yield advance
+
+
+def _tables(submission: "Submission", others: Sequence["Submission"]) -> Iterator[Table]:
+    from granbench.predictions import PROTOCOLS
+
+    splits = dict.fromkeys(score.split for score in submission.scores)
+    for split in splits:
+        found = {
+            (score.protocol, score.metric): score
+            for score in submission.scores
+            if score.split == split and score.group == "all"
+        }
+        paths = max(score.n for score in found.values())
+        table = Table(
+            title=f"{submission.name} on {submission.task}, split {split}: {paths} paths, "
+            f"{len(submission.seeds)} seeds",
+            title_justify="left",
+        )
+        table.add_column("protocol")
+        for heading in (
+            "stress MSE", "95 % interval", "worst path", "void ratio MSE", "relative error",
+            "error points", "broken down", *(f"{other.name}: stress MSE" for other in others),
+        ):  # fmt: skip
+            table.add_column(heading, justify="right")
+        for spec in PROTOCOLS.values():
+            main = found[spec.name, "stress_mse_mean"]
+            if main.status == "not_run":
+                continue
+            table.add_row(
+                spec.title,
+                _shown(main),
+                _interval(main),
+                _shown(found[spec.name, "stress_mse_worst"]),
+                _shown(found[spec.name, "void_ratio_mse_mean"]),
+                _shown(found[spec.name, "relative_error_mean"], percent=True),
+                _shown(found[spec.name, "error_point_share"], percent=True),
+                _shown(found[spec.name, "failed_share"], percent=True),
+                *(_of_other(other, main) for other in others),
+            )
+        yield table
+
+
+def _shown(score: "Score", percent: bool = False) -> str:
+    if score.value is None:
+        return "n/a"
+    return f"{100.0 * score.value:.3g} %" if percent else f"{score.value:.3g}"
+
+
+def _interval(score: "Score") -> str:
+    if score.low is None or score.high is None:
+        return "–"
+    return f"{score.low:.3g} … {score.high:.3g}"
+
+
+def _of_other(other: "Submission", score: "Score") -> str:
+    same = [item for item in other.scores if item.key == score.key]
+    return _shown(same[0]) if same else "–"

@@ -1,0 +1,109 @@
+"""`granbench train`: train a baseline, or go on with a run that was begun."""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+if TYPE_CHECKING:
+    from granbench.baseline import EpochReport
+
+SECONDS_PER_MINUTE = 60.0
+
+
+def train(
+    baseline: Annotated[str, typer.Argument(metavar="BASELINE", help="lstm, mlstm, ...")],
+    out: Annotated[
+        Path, typer.Option("--out", help="Folder of the run; one that was begun is continued.")
+    ],
+    task: Annotated[
+        str, typer.Option("--task", metavar="NAME|FILE", help="Dataset name or netCDF file.")
+    ] = "dem-triaxial",
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of weights and batches.")] = 0,
+    preset: Annotated[
+        str | None, typer.Option("--preset", help="Training settings, such as reference or paper.")
+    ] = None,
+    budget: Annotated[
+        float | None,
+        typer.Option("--budget", metavar="MINUTES", help="Of training, over all sessions."),
+    ] = None,
+    epochs: Annotated[
+        int | None, typer.Option("--epochs", help="At most, in place of the preset's.")
+    ] = None,
+    device: Annotated[str, typer.Option("--device", help="cpu or cuda.")] = "cpu",
+    threads: Annotated[
+        int | None,
+        typer.Option("--threads", min=1, help="CPU threads; with one count, equal bits."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print JSON instead of a sentence.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
+) -> None:
+    """Train a baseline on a dataset; run the same command again to continue.
+
+    The folder then holds model.safetensors and model.json, history.csv and learning_curve.png,
+    and training.safetensors, from which a run continues.
+    """
+    import torch
+
+    from granbench.baseline import DESCRIPTION_FILE, TrainingRequest, find_baseline
+    from granbench.data.store import file_of
+    from granbench.records import open_records
+
+    model = find_baseline(baseline)
+    if threads is not None:
+        torch.set_num_threads(threads)
+    with open_records(file_of(task)) as records, _epoch_bar(baseline, quiet) as show:
+        folder = model.train(
+            TrainingRequest(
+                records=records,
+                out=out,
+                seed=seed,
+                preset=preset,
+                epochs=epochs,
+                seconds=None if budget is None else budget * SECONDS_PER_MINUTE,
+                device=device,
+                on_epoch=show,
+            )
+        )
+    description = json.loads((folder / DESCRIPTION_FILE).read_text())
+    if as_json:
+        typer.echo(json.dumps(description | {"folder": str(folder)}, indent=2))
+    elif not quiet:
+        run = description["training"]
+        typer.echo(
+            f"{baseline}, seed {seed}: validation loss {run['best_validation_loss']:.3g} at epoch "
+            f"{run['best_epoch']} of {run['epochs']} (ended by {run['ended_by']}, "
+            f"{run['seconds'] / SECONDS_PER_MINUTE:.1f} minutes); the model is in {folder}"
+        )
+
+
+@contextmanager
+def _epoch_bar(name: str, quiet: bool) -> Iterator[Callable[["EpochReport"], None]]:
+    """A bar on the terminal's stderr: share of the run, losses, time."""
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[losses]}"),
+        TimeElapsedColumn(),
+    )
+    hidden = quiet or not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
+        task = bar.add_task(f"training {name}", total=1.0, losses="")
+
+        def show(report: "EpochReport") -> None:
+            bar.update(
+                task,
+                completed=report.progress,
+                losses=f"epoch {report.epoch}, validation {report.validation_loss:.2e}, "
+                f"best {report.best_loss:.2e}",
+            )
+
+        yield show

@@ -1,0 +1,25 @@
+"""The scatter between packings of the boards' datasets: the floor of every honest model."""
+
+from collections.abc import Iterable
+
+from granbench.data.replicates import ReplicateScatter, replicate_scatter
+from granbench.data.store import load
+from granbench.errors import DatasetError, DownloadError, RegistryError
+from granbench.leaderboard.submission import DatasetReference
+
+
+def replicate_scatters(
+    datasets: Iterable[DatasetReference],
+) -> dict[tuple[str, str], ReplicateScatter]:
+    """The scatter of each dataset that is at hand and has replicates, by (name, version).
+
+    A board can be built without: then its pages lack the reference line.
+    """
+    found: dict[tuple[str, str], ReplicateScatter] = {}
+    for name, version in dict.fromkeys((item.name, item.version) for item in datasets):
+        try:
+            with load(f"{name}@{version}") as records:
+                found[name, version] = replicate_scatter(records)
+        except (RegistryError, DownloadError, DatasetError):
+            continue
+    return found

@@ -1,0 +1,117 @@
+"""The floors and the ceiling that every model is measured between."""
+
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from granbench.baseline import TrainingRequest, baseline_names, find_baseline, load_cell
+from granbench.baselines.linear_elastic import LinearElasticCell, fitted_moduli
+from granbench.cell import Conditions
+from granbench.data.adapters import conditions_of, history_of
+from granbench.errors import ModelError
+from granbench.predictions import quantise
+from granbench.protocols import predict
+
+FLOORS = ("persistence", "linear-elastic", "oracle")
+
+
+def test_every_baseline_of_the_package_is_found_by_name() -> None:
+    assert {"lstm", "mlstm", *FLOORS} <= set(baseline_names())
+    for name in baseline_names():
+        baseline = find_baseline(name)
+        assert baseline.name == name
+        assert baseline.title
+
+
+def test_unknown_baseline_is_refused_with_the_nearest_name() -> None:
+    with pytest.raises(ModelError, match="did you mean 'mlstm'"):
+        find_baseline("mlsmt")
+
+
+@pytest.mark.parametrize("name", FLOORS)
+def test_what_has_nothing_to_train_says_so(records: xr.Dataset, tmp_path, name: str) -> None:
+    with pytest.raises(ModelError, match=name):
+        find_baseline(name).train(TrainingRequest(records, tmp_path))
+
+
+@pytest.mark.parametrize("name", ["lstm", "mlstm"])
+def test_what_has_to_be_trained_says_so(records: xr.Dataset, name: str) -> None:
+    with pytest.raises(ModelError, match="granbench train"):
+        load_cell(name, records)
+
+
+def test_oracle_is_exact_under_every_protocol(records: xr.Dataset) -> None:
+    # In another order than it was shown them, so that positions do not help.
+    asked = records.isel(path=np.random.default_rng(0).permutation(records.sizes["path"])[:9])
+    predictions = predict({0: load_cell("oracle", records)}, asked)
+    for name in ("stress", "void_ratio"):
+        truth = quantise(asked[name].values)
+        assert (predictions[name].values == truth).all()
+
+
+def test_oracle_refuses_a_path_that_it_was_not_shown(records: xr.Dataset) -> None:
+    cell = load_cell("oracle", records.isel(path=slice(0, 3)))
+    with pytest.raises(ModelError, match="whole dataset"):
+        cell.initial_state(conditions_of(records))
+
+
+def test_persistence_stays_where_it_was(records: xr.Dataset) -> None:
+    cell = load_cell("persistence", records)
+    history = history_of(records)
+    result = cell.rollout(history.strain, history.conditions)
+    assert (result.stress == history.stress[:, :1]).all()
+    assert (result.internals["void_ratio"] == history.internals["void_ratio"][:, :1]).all()
+    states = cell.condition_each(history)
+    assert torch.equal(states[..., :3], history.stress)
+
+
+@settings(deadline=None)
+@given(bulk=st.floats(1e5, 1e9), shear=st.floats(1e5, 1e9), seed=st.integers(0, 2**16))
+def test_moduli_are_recovered_from_elastic_records(bulk: float, shear: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    strain = np.cumsum(rng.normal(0.0, 1e-3, (4, 30, 3)), axis=1)
+    strain -= strain[:, :1]
+    conditions = Conditions(
+        torch.full((4, 3), 1e5, dtype=torch.float64),
+        {"initial_void_ratio": torch.full((4,), 0.6, dtype=torch.float64)},
+    )
+    stress = LinearElasticCell(bulk, shear).rollout(torch.from_numpy(strain), conditions).stress
+    # Increments are differences of stresses: at 1e5 Pa + 1e-3 x modulus they keep 11 digits.
+    assert fitted_moduli(strain, stress.numpy()) == pytest.approx((bulk, shear), rel=1e-8)
+
+
+def test_scatter_about_elasticity_does_not_bias_the_moduli() -> None:
+    rng = np.random.default_rng(0)
+    dstrain = rng.normal(0.0, 1e-3, (50, 200, 3))
+    volumetric = dstrain.sum(-1, keepdims=True)
+    dstress = 5e7 * volumetric + 2 * 2e7 * (dstrain - volumetric / 3)
+    dstress += rng.normal(0.0, 1e4, dstress.shape)
+    strain, stress = np.cumsum(dstrain, axis=1), np.cumsum(dstress, axis=1)
+    # The standard errors are 1e4 / (1e-3 sqrt(3) 100) = 58 kPa for K and below that for G.
+    assert fitted_moduli(strain, stress) == pytest.approx((5e7, 2e7), abs=2.5e5)
+
+
+def test_void_ratio_follows_the_volume_exactly(records: xr.Dataset) -> None:
+    """However the strain is divided into steps, 1 + e = (1 + e0) exp(-eps_v)."""
+    cell = load_cell("linear-elastic", records)
+    history = history_of(records)
+    result = cell.rollout(history.strain, history.conditions)
+    initial = history.conditions.require("initial_void_ratio")[:, None]
+    expected = (1.0 + initial) * torch.exp(-history.strain.sum(-1)) - 1.0
+    torch.testing.assert_close(result.internals["void_ratio"], expected)
+
+
+def test_moduli_need_strain_in_volume_and_shape() -> None:
+    strain = np.cumsum(np.full((1, 5, 3), [1e-3, -1e-3, 0.0]), axis=1)
+    with pytest.raises(ModelError, match="never change in volume"):
+        fitted_moduli(strain, 1e7 * strain)
+
+
+def test_linear_elastic_reads_only_the_training_split(records: xr.Dataset) -> None:
+    spoilt = records.copy(deep=True)
+    spoilt["stress"][records["split"].values != "train"] *= 3.0
+    honest, same = load_cell("linear-elastic", records), load_cell("linear-elastic", spoilt)
+    assert (honest.bulk_modulus, honest.shear_modulus) == (same.bulk_modulus, same.shear_modulus)

@@ -1,0 +1,144 @@
+"""`granbench data`, as a user types it."""
+
+import json
+
+import pytest
+
+from granbench.cli import main
+from granbench.records import write_records
+
+
+@pytest.fixture
+def granbench(capsys, monkeypatch):
+    """Run a command; gives exit code, standard output and standard error."""
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*words):
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as left:
+            main([str(word) for word in words])
+        captured = capsys.readouterr()
+        return left.value.code, captured.out, captured.err
+
+    return run
+
+
+def assert_one_sentence(result, *parts):
+    code, out, err = result
+    assert code == 2
+    assert out == ""
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    for part in parts:
+        assert part in err
+
+
+def test_list_says_what_there_is_and_where(granbench, shelf, records):
+    entry = shelf.publish(records)
+    code, out, _ = granbench("data", "list")
+    assert code == 0
+    assert "synthetic" in out
+    assert "1.0.0" in out
+    code, out, _ = granbench("data", "list", "--json")
+    (row,) = json.loads(out)
+    assert row["sha256"] == entry.sha256
+    assert row["local_file"] is None
+    shelf.use_mirror(shelf.mirror)
+    granbench("data", "fetch", "synthetic")
+    (row,) = json.loads(granbench("data", "list", "--json")[1])
+    assert row["local_file"] == str(shelf.cache / entry.file)
+
+
+def test_info_prints_the_floor_between_packings(granbench, shelf, records_file):
+    code, out, _ = granbench("data", "info", records_file)
+    assert code == 0
+    assert "Replicate scatter (10 pairs of paths, 2 packings prepared again)" in out
+    assert "ood-psd" in out
+    assert "constant-sigma3 (10)" in out
+    assert "0.1, 0.5, 1, 2, 4 MPa" in out
+    summary = json.loads(granbench("data", "info", records_file, "--json")[1])
+    assert summary["replicate_scatter"]["pairs"] == 10
+    assert summary["splits"]["validation"] == {"paths": 5, "specimens": 1}
+    assert summary["quality"]["min_box_edge_ratio"] > 3
+
+
+def test_info_lists_the_paths(granbench, shelf, records, records_file):
+    rows = json.loads(granbench("data", "info", records_file, "--paths", "--json")[1])
+    assert [row["path_id"] for row in rows] == records["path_id"].values.tolist()
+    lines = granbench("data", "info", records_file, "--paths")[1].splitlines()
+    assert len(lines) == records.sizes["path"]
+
+
+def test_fetch_into_a_folder_works_offline_from_the_checkout(granbench, shelf, records, tmp_path):
+    entry = shelf.publish(records)
+    (shelf.mirror / entry.file).rename(shelf.checkout / entry.file)
+    code, out, err = granbench("data", "fetch", "synthetic", "--dest", tmp_path / "mine")
+    assert (code, err) == (0, "")
+    assert out.strip() == str(tmp_path / "mine" / entry.file)
+    assert (tmp_path / "mine" / entry.file).stat().st_size == entry.bytes
+    assert granbench("data", "fetch", "synthetic", "--quiet") == (0, "", "")
+
+
+def test_verify_names_the_variable(granbench, shelf, records, records_file):
+    code, out, _ = granbench("data", "verify", records_file)
+    assert code == 0
+    assert "every variable agrees" in out
+    _overwrite_one_value(records_file, "coordination_number")
+    result = granbench("data", "verify", records_file)
+    assert_one_sentence(result, "synthetic.nc", "variable coordination_number differ", "fetch")
+
+
+def _overwrite_one_value(file, name):
+    from netCDF4 import Dataset
+
+    with Dataset(file, "a") as handle:
+        handle[name][3, 5] += 1e-6 * handle[name][3, 5]
+
+
+def test_verify_says_what_the_registry_knows(granbench, shelf, records):
+    entry = shelf.publish(records)
+    words = ("data", "verify", shelf.mirror / entry.file, "--json")
+    assert json.loads(granbench(*words)[1])["registered"] == "synthetic@1.0.0"
+
+
+def test_plot_writes_a_picture(granbench, shelf, records_file, tmp_path):
+    picture = tmp_path / "a.png"
+    code, out, _ = granbench("data", "plot", records_file, "--out", picture)
+    assert code == 0
+    assert out.strip() == str(picture)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_user_errors_are_one_sentence(granbench, shelf, records, tmp_path):
+    shelf.publish(records)
+    (tmp_path / "page.nc").write_text("<html>Not found</html>")
+    (tmp_path / "in-the-way").write_text("")
+    file = write_records(records, tmp_path / "a.nc")
+    assert_one_sentence(granbench("data", "info", "syntetic"), "did you mean synthetic")
+    assert_one_sentence(granbench("data", "info", "none.nc"), "none.nc", "no such file")
+    assert_one_sentence(granbench("data", "verify", tmp_path / "page.nc"), "not a netCDF file")
+    assert_one_sentence(granbench("data", "fetch", "synthetic"), "could not be fetched")
+    shelf.use_mirror(shelf.mirror)
+    words = ("data", "fetch", "synthetic", "--dest", tmp_path / "in-the-way")
+    assert_one_sentence(granbench(*words), "cannot be written", "--dest")
+    words = ("data", "plot", file, "--path", "nothing", "--out", tmp_path / "a.png")
+    assert_one_sentence(granbench(*words), "no path 'nothing'")
+    words = ("data", "plot", file, "--out", tmp_path / "mirror")  # a folder
+    assert_one_sentence(granbench(*words), "mirror", "cannot be written")
+    assert_one_sentence(granbench("data", "list", "--jsn"), "--jsn")
+
+
+def test_maintainers_register_a_file_and_its_mini_tier(granbench, shelf, records_file, tmp_path):
+    words = ("--id", "synthetic", "--title", "Made up", "--command", "none")
+    code, out, _ = granbench("data", "register", records_file, *words)
+    assert code == 0
+    assert "registered synthetic 1.0.0" in out
+    code, out, _ = granbench("data", "mini", records_file)
+    assert code == 0
+    assert [row["id"] for row in json.loads(granbench("data", "list", "--json")[1])] == [
+        "synthetic",
+        "synthetic-mini",
+    ]
+    assert_one_sentence(
+        granbench("data", "register", records_file, *words, "--tier", "huge"), "tier"
+    )

@@ -1,0 +1,195 @@
+"""`granbench evaluate`, `submission` and `leaderboard`, as a user types them."""
+
+import json
+
+import pytest
+
+from granbench.cli import main
+from granbench.leaderboard.submission import read_submission
+from granbench.predictions import open_predictions
+
+MODEL = """
+import torch
+from granbench.cell import ModuleCell
+
+class Stiff(torch.nn.Module):
+    def __init__(self, stiffness):
+        super().__init__()
+        self.stiffness = torch.nn.Parameter(torch.tensor(stiffness))
+    def forward(self, dstrain, stress):
+        return stress + self.stiffness * dstrain
+
+def cell(seed):
+    return ModuleCell(Stiff(1e6 * (1 + seed)), name="my stiff cell")
+
+def folder_cell(model_dir, records):
+    assert records.attrs["dataset"] == "synthetic"
+    return ModuleCell(Stiff(float((model_dir / "stiffness").read_text())), name="from-folder")
+
+def module():
+    return Stiff(1.0)
+
+def broken():
+    return 1 / 0
+"""
+
+
+@pytest.fixture
+def granbench(capsys, monkeypatch, tmp_path):
+    """Run a command in a folder of its own; gives exit code, standard output and error."""
+    monkeypatch.setenv("COLUMNS", "220")
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as left:
+            main([str(word) for word in words])
+        captured = capsys.readouterr()
+        return left.value.code, captured.out, captured.err
+
+    return run
+
+
+@pytest.fixture
+def task(shelf, records):
+    """The synthetic records as a registered dataset that is at hand."""
+    shelf.publish(records)
+    shelf.use_mirror(shelf.mirror)
+    return "synthetic"
+
+
+@pytest.fixture
+def my_model(tmp_path, monkeypatch):
+    """A user's module in the working directory."""
+    monkeypatch.delitem(__import__("sys").modules, "stiff_model", raising=False)
+    (tmp_path / "stiff_model.py").write_text(MODEL)
+    return "stiff_model:cell"
+
+
+def refused(result, *parts):
+    code, out, err = result
+    assert (code, out) == (2, "")
+    assert err.startswith("error: ") and err.count("\n") == 1, err
+    for part in parts:
+        assert part in err
+
+
+def test_from_a_baseline_to_the_board(granbench, task, tmp_path):
+    code, out, _ = granbench(
+        "evaluate", "persistence", "--task", task, "--out", "runs/persistence.json"
+    )
+    assert code == 0
+    assert "Whole-path rollout" in out and "split ood-psd" in out
+    submission = read_submission(tmp_path / "runs" / "persistence.json")
+    assert (submission.role, submission.seeds) == ("floor", (0, 1, 2))
+    assert submission.authors == ("The GranBench authors",)
+    assert submission.command == (
+        "granbench evaluate persistence --task synthetic --seeds 0,1,2 --out persistence.json"
+    )
+    code, out, _ = granbench("submission", "validate", "runs/persistence.json")
+    assert code == 0 and "is valid" in out
+    code, out, _ = granbench("submission", "validate", "runs/persistence.json", "--json")
+    assert json.loads(out)["badge"] == "rescored"
+    code, out, _ = granbench("leaderboard", "add", "runs/persistence.json", "--board", "board")
+    assert code == 0 and (tmp_path / "board/synthetic/persistence.nc").is_file()
+    refused(
+        granbench("leaderboard", "add", "runs/persistence.json", "--board", "board"),
+        "is on the board",
+    )
+    granbench("evaluate", "linear-elastic", "--task", task, "--out", "mine.json", "--quiet")
+    code, out, _ = granbench(
+        "leaderboard", "build", "--board", "board", "--with", "mine.json", "--out", "site"
+    )
+    assert code == 0 and "shows 2 submissions" in out
+    page = (tmp_path / "site" / "synthetic-1.0.0.html").read_text()
+    assert '"badge claimed"' in page and '"badge rescored"' in page
+    assert "replicate scatter" in page
+
+
+def test_a_users_own_module_is_scored_by_its_name(granbench, task, my_model, tmp_path):
+    code, out, _ = granbench(
+        "evaluate", my_model, "--task", task, "--axis", "rollout", "--seeds", "4,7",
+        "--authors", "A. Body, B. Else", "--code", "https://example.org/x",
+        "--training-data", "none", "--json",
+    )  # fmt: skip
+    assert code == 0
+    submission = read_submission(tmp_path / "submission.json")
+    assert json.loads(out)["name"] == submission.name == "my stiff cell"
+    assert submission.authors == ("A. Body", "B. Else")
+    assert (submission.seeds, submission.parameters, submission.role) == ((4, 7), 1, "model")
+    with open_predictions(tmp_path / "submission.nc") as predictions:
+        assert list(predictions["protocol"].values) == ["rollout"]
+    stresses = [score for score in submission.scores if score.metric == "stress_mse_mean"]
+    assert {score.status for score in stresses if score.protocol == "rollout"} == {"scored"}
+    assert {score.status for score in stresses if score.protocol == "window"} == {"not_run"}
+
+
+def test_models_in_folders_are_the_seeds(granbench, task, my_model, tmp_path):
+    for seed, stiffness in enumerate(("1e6", "2e6")):
+        (tmp_path / f"run{seed}").mkdir()
+        (tmp_path / f"run{seed}" / "stiffness").write_text(stiffness)
+    code, out, _ = granbench(
+        "evaluate", "stiff_model:folder_cell", "--task", task, "--axis", "rollout",
+        "--model-dir", "run0", "--model-dir", tmp_path / "run1", "--quiet",
+    )  # fmt: skip
+    assert (code, out) == (0, "")
+    submission = read_submission(tmp_path / "submission.json")
+    assert submission.seeds == (0, 1)
+    assert "--model-dir run0 --model-dir run1" in submission.command
+    first = next(score for score in submission.scores if score.status == "scored")
+    assert first.by_seed[0] != first.by_seed[1]
+
+
+def test_scores_stand_beside_the_floors(granbench, task, my_model):
+    granbench("evaluate", "persistence", "--task", task, "--out", "floor.json", "--quiet")
+    code, out, _ = granbench(
+        "evaluate", my_model, "--task", task, "--axis", "window", "--against", "floor.json",
+        "--seeds", "0",
+    )  # fmt: skip
+    assert code == 0
+    assert "persistence: stress MSE" in out and "Single step" not in out
+
+
+def test_the_oracle_is_the_ceiling(granbench, task, tmp_path):
+    granbench("evaluate", "oracle", "--task", task, "--quiet")
+    submission = read_submission(tmp_path / "submission.json")
+    assert submission.role == "ceiling"
+    assert all(not score.value for score in submission.scores)
+
+
+def test_what_a_user_can_get_wrong_is_said_in_one_sentence(granbench, task, my_model, tmp_path):
+    refused(granbench("evaluate", "persistance", "--task", task), "did you mean 'persistence'")
+    refused(granbench("evaluate", "mlstm", "--task", task), "has to be trained first")
+    refused(granbench("evaluate", "persistence", "--task", "nowhere"), "unknown dataset")
+    refused(granbench("evaluate", "persistence", "--task", task, "--axis", "sideways"),
+            "unknown axis 'sideways'", "rollout")  # fmt: skip
+    refused(granbench("evaluate", "persistence", "--task", task, "--seeds", "0,x"), "--seeds")
+    refused(granbench("evaluate", "persistence", "--task", task, "--seeds", "1,1"), "--seeds")
+    refused(granbench("evaluate", "persistence", "--task", task, "--out", "a.txt"), "--out")
+    refused(granbench("evaluate", "persistence", "--task", task, "--model-dir", "x"),
+            "needs no training")  # fmt: skip
+    refused(granbench("evaluate", "mlstm", "--task", task, "--model-dir", "x"), "model.json")
+    refused(granbench("evaluate", "no_such_module:f", "--task", task), "no module")
+    refused(granbench("evaluate", "stiff_model:absent", "--task", task), "no function 'absent'")
+    refused(granbench("evaluate", "stiff_model:module", "--task", task), "ModuleCell")
+    refused(granbench("evaluate", "stiff_model:broken", "--task", task),
+            "ZeroDivisionError", "stiff_model.py line")  # fmt: skip
+    refused(granbench("evaluate", my_model, "--task", task, "--code", "ftp://x"), "code")
+    refused(granbench("submission", "validate", "absent.json"), "absent.json", "cannot be read")
+    refused(granbench("leaderboard", "add", "absent.json"), "cannot be read")
+    assert not list(tmp_path.glob("*.json")) and not list(tmp_path.glob("*.nc"))
+    assert not list(tmp_path.glob(".*part*"))
+
+
+def test_a_full_disk_leaves_nothing_half_written(granbench, task, tiny_disk):
+    refused(
+        granbench("evaluate", "persistence", "--task", task, "--out", tiny_disk / "s.json"),
+        "cannot write",
+        "free space",
+    )
+    assert list(tiny_disk.iterdir()) == []
+
+
+def test_the_schema_is_printed(granbench):
+    code, out, _ = granbench("submission", "schema")
+    assert code == 0 and json.loads(out)["title"] == "GranBench submission"

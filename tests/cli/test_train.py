@@ -1,0 +1,84 @@
+"""`granbench train`, as a user types it."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from granbench.cli import main
+
+
+def run(*words: object) -> int:
+    with pytest.raises(SystemExit) as exit_:
+        main([str(word) for word in words])
+    return exit_.value.code or 0
+
+
+def test_train_writes_a_model_and_goes_on_when_run_again(
+    records_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    out = tmp_path / "model"
+    command = ("train", "mlstm", "--task", records_file, "--out", out, "--seed", 3)
+    assert run(*command, "--epochs", 2) == 0
+    assert "epoch" in capsys.readouterr().out
+    assert {file.name for file in out.iterdir()} == {
+        "history.csv",
+        "learning_curve.png",
+        "model.json",
+        "model.safetensors",
+        "training.safetensors",
+    }
+    assert run(*command, "--epochs", 3, "--json") == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["baseline"] == "mlstm"
+    assert summary["training"]["seed"] == 3
+    assert summary["training"]["epochs"] == 3
+
+
+def test_quiet_says_nothing(
+    records_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    words = ("train", "lstm", "--task", records_file, "--out", tmp_path / "m", "--epochs", 1)
+    assert run(*words, "--quiet") == 0
+    captured = capsys.readouterr()
+    assert captured.out == captured.err == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("mlsmt",), "unknown baseline"),
+        (("oracle",), "nothing to train"),
+        (("mlstm", "--preset", "fast"), "preset"),
+        (("mlstm", "--device", "abacus"), "abacus"),
+        (("mlstm", "--epochs", "0"), "epochs"),
+        (("mlstm", "--budget", "-1"), "budget"),
+        (("mlstm", "--seed", "-1"), "--seed"),
+        (("mlstm", "--speed", "9"), "--speed"),
+        (("mlstm", "--task", "no-such-dataset"), "no-such-dataset"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    records_file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture,
+    words: tuple[str, ...],
+    named: str,
+) -> None:
+    out = tmp_path / "model"
+    task = () if "--task" in words else ("--task", records_file)
+    assert run("train", *words, *task, "--out", out) == 2
+    captured = capsys.readouterr()
+    assert named in captured.err
+    assert captured.err.count("\n") == 1
+    assert "Traceback" not in captured.err
+    assert not out.exists()
+
+
+def test_folder_of_another_run_is_refused(
+    records_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    words = ("--task", records_file, "--out", tmp_path / "model", "--epochs", 1, "--quiet")
+    assert run("train", "lstm", *words) == 0
+    assert run("train", "mlstm", *words) == 2
+    assert "choose another --out" in capsys.readouterr().err

@@ -1,0 +1,103 @@
+"""The pages: their Python runs, their commands exist, their links lead somewhere."""
+
+import importlib.util
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+import typer.main
+
+from granbench.cli import app
+
+ROOT = Path(__file__).parents[2]
+PAGES = ("README.md", "CONTRIBUTING.md", "docs/architecture.md", "docs/examples/demo.sh")
+
+
+def blocks(page: str, language: str) -> list[str]:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
+
+
+def commands(page: str) -> Iterator[list[str]]:
+    """Words of every `granbench` command that a page shows, without the first."""
+    text = (ROOT / page).read_text(encoding="utf-8").replace("\\\n", " ")
+    for line in re.findall(r"^ *(?:run )?granbench (.*?)(?:  +#.*)?$", text, flags=re.MULTILINE):
+        yield shlex.split(line)
+    for line in re.findall(r"`granbench ([a-z].*?)`", text):
+        yield shlex.split(line)
+
+
+def script(path: str) -> ModuleType:
+    """A script of the checkout as a module, not run."""
+    spec = importlib.util.spec_from_file_location(Path(path).stem, ROOT / path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_python_on_the_first_page_runs(tmp_path: Path) -> None:
+    loading, model = blocks("README.md", "python")
+    done = subprocess.run(
+        [sys.executable, "-c", loading], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip().endswith("Pa")
+    assert "class Secant(torch.nn.Module)" in model
+
+
+def test_a_model_of_ones_own_takes_fewer_than_ten_lines_and_is_scored(tmp_path: Path) -> None:
+    _, model = blocks("README.md", "python")
+    assert len([line for line in model.splitlines() if line.strip()]) < 10
+    (tmp_path / "my_model.py").write_text(model)
+    words = "evaluate my_model:cell --task dem-triaxial-mini --axis single-step --seeds 0 --quiet"
+    subprocess.run(
+        [sys.executable, "-m", "granbench", *words.split(), "--out", "submission.json"],
+        cwd=tmp_path,
+        check=True,
+    )
+    assert (tmp_path / "submission.json").is_file()
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_command_that_a_page_shows_exists(page: str) -> None:
+    for words in commands(page):
+        command, context_words = typer.main.get_command(app), []
+        while getattr(command, "commands", None) and len(words) > len(context_words):
+            name = words[len(context_words)]
+            assert name in command.commands, f"{page}: granbench {' '.join(words)}"
+            command = command.commands[name]
+            context_words.append(name)
+        options = {option for parameter in command.params for option in parameter.opts}
+        shown = {word for word in words if word.startswith("--")}
+        assert shown <= options | {"--help", "--version"}, f"{page}: granbench {' '.join(words)}"
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.endswith(".md")])
+def test_links_lead_to_files(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    for address in re.findall(r"\]\(([^)#:]+)\)", text):
+        assert (ROOT / page).parent.joinpath(address).exists(), f"{page}: {address}"
+
+
+def test_scores_on_the_first_page_are_those_of_the_board() -> None:
+    pages = script("docs/readme_scores.py")
+    assert pages.readme() == (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_a_table_is_put_between_its_markers_and_nowhere_else() -> None:
+    pages = script("docs/readme_scores.py")
+    page = f"before\n{pages.BEGIN}\nold\n{pages.END}\nafter"
+    written = pages.with_scores(page, "| new |")
+    assert written == f"before\n{pages.BEGIN}\n| new |\n{pages.END}\nafter"
+    assert pages.with_scores(written, "| new |") == written
+
+
+@pytest.mark.parametrize("file", [".ci/run", ".ci/system-packages", "docs/examples/demo.sh"])
+def test_shell_scripts_parse(file: str) -> None:
+    subprocess.run(["bash", "-n", ROOT / file], check=True)

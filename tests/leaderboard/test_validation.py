@@ -1,0 +1,210 @@
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import jsonschema
+import pytest
+import xarray as xr
+
+from granbench.errors import SubmissionError
+from granbench.leaderboard.submission import (
+    SCHEMA_FILE,
+    file_digest,
+    read_submission,
+    schema_text,
+    write_submission,
+)
+from granbench.leaderboard.validation import validate
+
+Change = Callable[[dict], object]
+
+
+def changed(file: Path, change: Change) -> Path:
+    content = json.loads(file.read_text())
+    change(content)
+    file.write_text(json.dumps(content))
+    return file
+
+
+def first_scored(content: dict) -> dict:
+    return next(score for score in content["scores"] if score["status"] == "scored")
+
+
+def test_a_submission_is_reproduced_from_its_predictions(submission_file, sealed):
+    for name in ("secant", "persistence", "oracle"):
+        checked = validate(submission_file(name), sealed)
+        assert (checked.name, checked.badge) == (name, "rescored")
+
+
+def test_who_is_never_wrong_is_the_ceiling(submission_file, sealed):
+    assert read_submission(submission_file("oracle")).role == "ceiling"
+    assert read_submission(submission_file("secant")).role == "model"
+    claimed = changed(submission_file("oracle"), lambda c: c.update(role="model"))
+    with pytest.raises(SubmissionError, match="exactly zero"):
+        validate(claimed, sealed)
+
+
+def test_reading_and_writing_change_nothing(submission_file, tmp_path):
+    submission = read_submission(submission_file())
+    write_submission(submission, tmp_path / "again.json")
+    assert read_submission(tmp_path / "again.json") == submission
+    assert (tmp_path / "again.json").read_text() == submission_file().read_text()
+
+
+def test_the_published_schema_is_that_of_the_code(submission_file):
+    assert SCHEMA_FILE.read_text() == schema_text(), "run `granbench submission schema`"
+    schema = json.loads(SCHEMA_FILE.read_text())
+    jsonschema.Draft202012Validator.check_schema(schema)
+    content = json.loads(submission_file().read_text())
+    jsonschema.validate(content, schema)
+    content["surprise"] = 1
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(content, schema)
+
+
+def test_submissions_name_no_machine_and_no_path(submission_file):
+    import getpass
+    import platform
+
+    text = submission_file().read_text()
+    assert platform.node() not in text
+    assert str(Path.cwd()) not in text
+    assert f"/{getpass.getuser()}/" not in text
+
+
+REFUSED: dict[str, tuple[Change, str]] = {
+    "better value": (
+        lambda c: first_scored(c).update(value=first_scored(c)["value"] * 0.99),
+        "cannot be reproduced",
+    ),
+    "narrower interval": (
+        lambda c: first_scored(c).update(low=first_scored(c)["value"]),
+        "its low is",
+    ),
+    "one seed better": (
+        lambda c: first_scored(c).update(by_seed=[0.0, 0.0, 0.0]),
+        "by seed differ",
+    ),
+    "fewer paths": (lambda c: first_scored(c).update(n=1), "its n is 1"),
+    "hidden failure": (
+        lambda c: first_scored(c).update(status="not_applicable", reason="x", value=None),
+        "its status is",
+    ),
+    "score left out": (lambda c: c["scores"].pop(), "is missing"),
+    "score twice": (lambda c: c["scores"].append(c["scores"][0]), "more than once"),
+    "score invented": (
+        lambda c: c["scores"].append({**c["scores"][0], "metric": "beauty"}),
+        "not one of this benchmark",
+    ),
+    "curve bent": (
+        lambda c: c["curves"][0]["value"].__setitem__(3, 1e-9),
+        "curve .* cannot be reproduced",
+    ),
+    "curve left out": (lambda c: c["curves"].pop(), "curve .* is missing"),
+    "other scales": (
+        lambda c: c["normalisation"]["stress"].update({"11": 1e9}),
+        "normalisation",
+    ),
+    "other content": (
+        lambda c: c["dataset"].update(content_sha256="0" * 64),
+        "dataset.content_sha256",
+    ),
+    "other split": (lambda c: c["dataset"].update(split_sha256="0" * 64), "dataset.split_sha256"),
+    "other version": (lambda c: c["dataset"].update(version="1.0.1"), "dataset.version"),
+    "other task": (lambda c: c.update(task="easier"), "task is 'easier'"),
+    "other metrics": (lambda c: c.update(metric_version="0.9"), "metric version 0.9"),
+    "wrong digest": (
+        lambda c: c["predictions"].update(sha256="0" * 64),
+        "predictions.sha256",
+    ),
+    "predictions elsewhere": (
+        lambda c: c["predictions"].update(file="../secant.nc"),
+        "predictions.file",
+    ),
+    "predictions missing": (
+        lambda c: c["predictions"].update(file="other.nc"),
+        "other.nc is missing",
+    ),
+    "seed added": (lambda c: c["seeds"].append(7), "seeds are"),
+    "seed twice": (lambda c: c["seeds"].append(0), "seed 0 appears more than once"),
+    "NaN": (lambda c: first_scored(c).update(value=math.nan), "holds NaN"),
+    "infinity": (lambda c: first_scored(c).update(high=math.inf), "holds Infinity"),
+    "unknown field": (lambda c: c.update(score=1.0), "field score"),
+    "no authors": (lambda c: c.update(authors=[]), "field authors"),
+    "script as code": (lambda c: c.update(code="javascript:alert(1)"), "field code"),
+    "value as text": (lambda c: first_scored(c).update(value="good"), r"field scores\.\d+"),
+    "no reason": (lambda c: first_scored(c).update(status="not_run", value=None), "reason"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_submission_that_does_not_hold_is_refused(submission_file, sealed, case):
+    change, complaint = REFUSED[case]
+    with pytest.raises(SubmissionError, match=complaint) as refusal:
+        validate(changed(submission_file(), change), sealed)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        (b"", "not JSON"),
+        (b"<html>", "not JSON"),
+        (b"[1, 2]", "dictionary|object"),
+        (b'{"name": "a", "name": "b"}', "key 'name' twice"),
+        (b"\xff\xfe", "UTF-8"),
+        (b"[" * 100_000, "nested too deeply|not JSON"),
+    ],
+)
+def test_a_file_that_is_no_submission_is_refused(tmp_path, content, complaint):
+    (tmp_path / "s.json").write_bytes(content)
+    with pytest.raises(SubmissionError, match=complaint):
+        read_submission(tmp_path / "s.json")
+    with pytest.raises(SubmissionError, match="cannot be read"):
+        read_submission(tmp_path)
+
+
+def tampered(file: Path, change: Callable[[xr.Dataset], xr.Dataset]) -> Path:
+    """Changed predictions with the right digest, so that only their content can give it away."""
+    predictions = file.with_suffix(".nc")
+    with xr.open_dataset(predictions) as handle:
+        content = change(handle.load())
+    content.to_netcdf(predictions)
+    digest = file_digest(predictions)
+    return changed(file, lambda c: c["predictions"].update(sha256=digest))
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (lambda p: p.isel(path=slice(1, None)), "lack 1 of the"),
+        (lambda p: p.isel(seed=slice(0, 2)), "seeds are"),
+        (lambda p: p.drop_vars("void_ratio"), "cannot be reproduced"),
+        (lambda p: p.drop_vars("stress"), "lacks the variable 'stress'"),
+        (lambda p: p.drop_vars("specimen"), "lacks the coordinate 'specimen'"),
+        (lambda p: p.transpose("path", ...), "has dimensions"),
+        (lambda p: p.assign(stress=p["stress"] * 0.999), "cannot be reproduced"),
+        (lambda p: p.assign_coords(first_predicted_step=p["first_predicted_step"] + 9),
+         "counts from step 10"),
+        (lambda p: p.isel(path=[0, *range(p.sizes["path"])]), "more than once"),
+        (lambda p: p.assign_attrs(dataset_content_sha256="0"), "made from other records"),
+    ],
+)  # fmt: skip
+def test_tampered_predictions_are_found_out(submission_file, sealed, change, complaint):
+    with pytest.raises(SubmissionError, match=complaint):
+        validate(tampered(submission_file(), change), sealed)
+
+
+def test_predictions_that_are_not_netcdf_are_refused(submission_file, sealed):
+    file = submission_file()
+    file.with_suffix(".nc").write_bytes(b"<html>not found</html>")
+    digest = file_digest(file.with_suffix(".nc"))
+    changed(file, lambda c: c["predictions"].update(sha256=digest))
+    with pytest.raises(SubmissionError, match="cannot be read as netCDF"):
+        validate(file, sealed)
+
+
+def test_an_unregistered_dataset_is_refused_in_a_sentence(submission_file):
+    with pytest.raises(SubmissionError, match="unknown dataset 'synthetic'"):
+        validate(submission_file())
