@@ -1,6 +1,6 @@
 """`lstm`: the classical LSTM, which starts blank and is not told stress or void ratio."""
 
-from granbench.baselines.recurrent_baseline import RecurrentBaseline
+from granbench.baselines.recurrent_baseline import REFERENCE_RECIPE, RecurrentBaseline
 from granbench.baselines.recurrent_network import RecurrentConfiguration
 from granbench.baselines.training import Recipe
 
@@ -10,7 +10,7 @@ BASELINE = RecurrentBaseline(
     name="lstm",
     title="LSTM (Guan 2023, Sec 2.2.1)",
     settings={
-        "reference": (ARCHITECTURE, Recipe(schedule="cosine", epochs=400, patience=100)),
+        "reference": (ARCHITECTURE, REFERENCE_RECIPE),
         "paper": (ARCHITECTURE, Recipe()),
     },
 )

@@ -26,6 +26,10 @@ from granbench.data.splits import select_split
 from granbench.errors import ConfigurationError, ModelError
 from granbench.records import content_hashes, dataset_hash
 
+REFERENCE_RECIPE = Recipe(learning_rate=3e-3, schedule="cosine", epochs=400, patience=400)
+"""Of both networks, so that they are compared fairly. A falling rate reaches in some hundred
+epochs what a constant one needs thousands for; it must not be cut short, hence the patience."""
+
 
 @dataclass(frozen=True)
 class RecurrentBaseline:

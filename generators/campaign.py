@@ -40,11 +40,13 @@ class CampaignReport:
     done : result folder of every finished job, in the order of the jobs
     failed : reason, by key, of every job without a result
     skipped : the finished jobs whose results were there before
+    spared : jobs without a result that was needed, as all that need them were finished before
     """
 
     done: dict[str, Path]
     failed: dict[str, str]
     skipped: tuple[str, ...]
+    spared: tuple[str, ...]
 
 
 def run_campaign(
@@ -102,6 +104,7 @@ class _Campaign:
         self.digests = digests(schedule)
         self.done: set[str] = set()
         self.failed: dict[str, str] = {}
+        self.spared: set[str] = set()
         self.skipped: tuple[str, ...] = ()
         self.running: dict[str, None] = {}
         self._tries = dict.fromkeys(schedule.jobs, 0)
@@ -125,10 +128,24 @@ class _Campaign:
             if key not in self.failed:
                 self.failed[key] = reason
                 self._stop_users(key)
+        self._spare()
+
+    def _spare(self) -> None:
+        """Leave out jobs whose results only served others that need nothing any more.
+
+        So a campaign can be continued on another machine from its final results alone, without
+        the bulky ones (the restart files of a specimen) in between.
+        """
+        for key in reversed(self.schedule.order):
+            settled = self.done | self.failed.keys() | self.spared
+            users = self.schedule.users(key)
+            if users and key not in settled and settled.issuperset(users):
+                self.spared.add(key)
+                self.schedule.drop(key)
 
     def open_count(self) -> int:
-        """Return how many jobs are neither done nor failed."""
-        return len(self.schedule.jobs) - len(self.done) - len(self.failed)
+        """Return how many jobs are still to be run."""
+        return len(self.schedule.jobs) - len(self.done) - len(self.failed) - len(self.spared)
 
     def run(self, team: LocalWorkers | DaskWorkers, run: Path, show: Callable[[], None]) -> None:
         """Hand every job that can run to the workers, and take in how it ended."""
@@ -154,6 +171,7 @@ class _Campaign:
             done={k: self.place.results / job.slug for k, job in jobs.items() if k in self.done},
             failed={key: self.failed[key] for key in jobs if key in self.failed},
             skipped=self.skipped,
+            spared=tuple(key for key in jobs if key in self.spared),
         )
 
     def _request(self, job: Job, run: Path) -> Request:
@@ -259,7 +277,7 @@ def _shown(progress: Progress, campaign: _Campaign) -> Iterator[Callable[[], Non
     def show() -> None:
         failed = [f"{len(campaign.failed)} failed"] if campaign.failed else []
         current = "; ".join([*failed, *campaign.running])
-        ended = len(campaign.done) + len(campaign.failed)
+        ended = len(campaign.schedule.jobs) - campaign.open_count()
         bar.update(task, completed=ended, current=current[:room])
 
     with bar:

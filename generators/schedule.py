@@ -116,6 +116,14 @@ class Schedule:
         if left:
             raise ConfigurationError(f"jobs need each other in a circle: {', '.join(sorted(left))}")
 
+    def users(self, key: str) -> tuple[str, ...]:
+        """Return the jobs that need this one."""
+        return tuple(self._users[key])
+
+    def drop(self, key: str) -> None:
+        """Take a job off the list that nobody needs."""
+        self._open.discard(key)
+
     def take(self) -> Job | None:
         """Return the next job and take it off the list; None when none is ready."""
         while self._ready:

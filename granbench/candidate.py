@@ -96,7 +96,7 @@ def find_candidate(
     cells = {
         seed: baseline.load(folder, records) for seed, folder in zip(labels, folders, strict=True)
     }
-    return Candidate(model, cells, baseline, _training_data(folders))
+    return Candidate(model, cells, baseline, _training_data(folders, records))
 
 
 def _labels(folders: Sequence[Path], seeds: Sequence[int] | None) -> tuple[int, ...]:
@@ -129,14 +129,17 @@ def _training(folder: Path) -> dict[str, Any]:
     return training if isinstance(training, dict) else {}
 
 
-def _training_data(folders: Sequence[Path]) -> str | None:
+def _training_data(folders: Sequence[Path], records: xr.Dataset) -> str | None:
     found = []
     for folder in folders:
         about = _training(folder)
         if "dataset" in about:
             preset = f", preset {about['preset']}" if about.get("preset") else ""
+            content = str(about.get("dataset_content_sha256", ""))
+            same = content == records.attrs.get("content_sha256")
+            other = "" if same else f", content {content[:12] or 'unknown'}"
             text = f"{about['dataset']} {about.get('dataset_version', '')}".strip()
-            found.append(f"{text}, split train, checkpoint chosen on validation{preset}")
+            found.append(f"{text}, split train, checkpoint chosen on validation{preset}{other}")
     return "; ".join(dict.fromkeys(found)) or None
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from granbench.errors import SubmissionError
+from granbench.errors import ConfigurationError, SubmissionError
 from granbench.leaderboard.submission import Submission, read_submission, write_submission
 from granbench.leaderboard.validation import validate
 
@@ -24,8 +24,20 @@ class Row:
 
 
 def default_folder() -> Path:
-    """`leaderboard/submissions` of the checkout that granbench runs from."""
-    return Path(__file__).parent / "submissions"
+    """`leaderboard/submissions` of the checkout that granbench runs from.
+
+    Raises
+    ------
+    ConfigurationError
+        If granbench does not run from a checkout.
+    """
+    folder = Path(__file__).parent / "submissions"
+    if not folder.is_dir():
+        raise ConfigurationError(
+            "granbench does not run from a checkout, so there is no board of its own; give the "
+            "folder of submissions as --board"
+        )
+    return folder
 
 
 def slug(name: str) -> str:

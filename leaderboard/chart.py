@@ -21,7 +21,7 @@ class Line:
     colour : hexadecimal
     dash : SVG dash array, "" for a solid line
     horizon : steps since truth was given
-    value, low, high : error and its interval at each
+    value, low, high : error and its interval at each; no interval of one specimen alone
     """
 
     name: str
@@ -74,7 +74,7 @@ def horizon_chart(lines: Sequence[Line], title: str, floor: float | None = None)
     bottom = math.floor(math.log10(min(positive)))
     top = max(bottom + 1, math.ceil(math.log10(max(positive)) - 1e-9))
     axes = Axes(max(line.horizon[-1] for line in drawn), bottom, top)
-    parts = [*_grid(axes), *(_band(line, axes) for line in drawn)]
+    parts = [*_grid(axes), *(_band(line, axes) for line in drawn if line.low)]
     parts += [_polyline(line, axes) for line in drawn]
     labels = [(axes.y(line.value[-1]), line.name, line.colour) for line in drawn]
     if floor:

@@ -30,7 +30,7 @@ from granbench.baselines.training.recipe import ADAM_BETAS, ADAM_EPSILON, Limits
 from granbench.baselines.training.tensor_files import unwritable
 from granbench.errors import ModelError
 
-SAVE_EVERY_SECONDS = 15.0
+SAVE_EVERY_SECONDS = 5.0
 """What a killed run loses at most, beside the epoch in flight."""
 
 VALIDATION_BATCH = 4096

@@ -44,6 +44,7 @@ title "5. The leaderboard with its row"
 run granbench leaderboard build --with "$out/submission.json" --out "$out/leaderboard"
 
 title "6. Pictures"
-run python docs/examples/prediction_pictures.py "$out/submission.json" "$out/pictures"
+run python docs/examples/prediction_pictures.py "$out/pictures" "$out/submission.json" \
+  "$board/lstm.json"
 printf '\nThe leaderboard: %s\nThe pictures:\n' "$out/leaderboard/index.html"
 ls "$out"/pictures/*.png

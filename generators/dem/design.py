@@ -27,10 +27,6 @@ ANCHOR_PRESSURE = 0.5e6
 """Pa; every grading's densest and loosest specimens share a constant-p compression (b = 0) at it
 as their first test, so that peak and critical states can be compared at equal stress."""
 
-FIRST_TESTS = 3
-"""Most tests that a specimen gets outside `closer_gradings`."""
-
-
 # Friction level of each seen grading that goes to these splits. Found by random search over
 # assignments that use every level at least once in each split, for the one where all families
 # meet all five pressures and all five ratios in both splits; frozen since.
@@ -200,11 +196,15 @@ def specimens(preset: TriaxialPreset, seed: int) -> list[SpecimenPlan]:
 def planned_tests(preset: TriaxialPreset, seed: int) -> list[TestPlan]:
     """Every test of the campaign, in the order in which they should run.
 
-    The first tests of all specimens come before the further ones of any, so that a campaign
-    that is looked at half-way has all gradings and frictions in it.
+    All tests of a specimen stand together, so that a finished specimen is not needed again, and
+    the densest and loosest specimens of all gradings come first, so that a campaign that is
+    looked at half-way shows the range.
     """
-    plans = [plan for specimen in specimens(preset, seed) for plan in tests(preset, specimen, seed)]
-    return sorted(plans, key=lambda plan: plan.number >= FIRST_TESTS)
+    count = len(preset.preparation_frictions)
+    levels = sorted(range(count), key=lambda m: (-abs(2 * m - count + 1), m))
+    rank = {preset.preparation_frictions[m]: levels.index(m) for m in range(count)}
+    ordered = sorted(specimens(preset, seed), key=lambda plan: rank[plan.preparation_friction])
+    return [plan for specimen in ordered for plan in tests(preset, specimen, seed)]
 
 
 def tests(preset: TriaxialPreset, specimen: SpecimenPlan, seed: int) -> list[TestPlan]:

@@ -12,8 +12,6 @@ from granbench.generators.dem.jobs import campaign_jobs
 from granbench.generators.dem.material import ContactMaterial
 from granbench.records import write_records
 
-PRESETS = ("smoke", "core", "paper")
-
 
 def generate(
     preset_name: str,

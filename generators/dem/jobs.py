@@ -125,8 +125,8 @@ def shear(
 
 
 def series(record: TestRecord) -> dict[str, np.ndarray]:
-    """The recorded variables under their dataset names, the stress split in its two parts."""
-    return {
+    """The recorded variables under their dataset names, in the dataset's float32."""
+    parts = {
         "strain": record.strain,
         "stress": record.stress[:, :3],
         "shear_stress": record.stress[:, 3:],
@@ -137,6 +137,7 @@ def series(record: TestRecord) -> dict[str, np.ndarray]:
         "servo_error": record.servo_error,
         "stress_ratio_error": record.stress_ratio_error,
     }
+    return {name: part.astype(np.float32) for name, part in parts.items()}
 
 
 def failure_reason(out: Path) -> str | None:

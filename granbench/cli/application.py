@@ -13,7 +13,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from granbench import __version__
-from granbench.cli import data, evaluate, leaderboard, submission, train
+from granbench.cli import data, evaluate, generate, leaderboard, submission, train
 from granbench.errors import GranbenchError
 
 USER_ERROR = 2
@@ -53,14 +53,7 @@ app.command()(train.train)
 app.command()(evaluate.evaluate)
 app.add_typer(submission.app, name="submission")
 app.add_typer(leaderboard.app, name="leaderboard")
-# BEGIN temporary: until generate exists
-import contextlib
-
-with contextlib.suppress(ImportError):
-    from granbench.cli.generate import generate
-
-    app.command()(generate)
-# END temporary
+app.command()(generate.generate)
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:

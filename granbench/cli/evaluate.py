@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -20,6 +21,16 @@ if TYPE_CHECKING:
     from granbench.leaderboard.submission import Submission
     from granbench.predictions import ProtocolSpec
     from granbench.scoring import Score
+
+SHOWN = (
+    "stress_mse_mean",
+    "stress_mse_worst",
+    "void_ratio_mse_mean",
+    "relative_error_mean",
+    "error_point_share",
+    "failed_share",
+)
+HEADINGS = ("worst\npath", "void\nMSE", "relative\nerror", "error\npoints")
 
 HOUSE_AUTHORS = "The GranBench authors"
 HOUSE_LICENCE = "BSD-3-Clause"
@@ -173,43 +184,46 @@ def _bar(runs: int, name: str, hidden: bool) -> Iterator["Callable[[int, Protoco
 
 
 def _tables(submission: "Submission", others: Sequence["Submission"]) -> Iterator[Table]:
-    from granbench.predictions import PROTOCOLS
-
-    splits = dict.fromkeys(score.split for score in submission.scores)
-    for split in splits:
+    """The scores of each split, and beside them what the others scored; 80 columns suffice."""
+    for split in dict.fromkeys(score.split for score in submission.scores):
         found = {
             (score.protocol, score.metric): score
             for score in submission.scores
-            if score.split == split and score.group == "all"
+            if score.split == split and score.group == "all" and score.status != "not_run"
         }
+        protocols = list(dict.fromkeys(p for p, metric in found if metric == "stress_mse_mean"))
         paths = max(score.n for score in found.values())
-        table = Table(
-            title=f"{submission.name} on {submission.task}, split {split}: {paths} paths, "
-            f"{len(submission.seeds)} seeds",
-            title_justify="left",
+        yield _scores_table(
+            f"{submission.name} on {submission.task}, split {split}: {paths} paths, "
+            f"seeds {', '.join(map(str, submission.seeds))}",
+            {name: [found[name, metric] for metric in SHOWN] for name in protocols},
         )
-        table.add_column("protocol")
-        for heading in (
-            "stress MSE", "95 % interval", "worst path", "void ratio MSE", "relative error",
-            "error points", "broken down", *(f"{other.name}: stress MSE" for other in others),
-        ):  # fmt: skip
-            table.add_column(heading, justify="right")
-        for spec in PROTOCOLS.values():
-            main = found[spec.name, "stress_mse_mean"]
-            if main.status == "not_run":
-                continue
-            table.add_row(
-                spec.title,
-                _shown(main),
-                _interval(main),
-                _shown(found[spec.name, "stress_mse_worst"]),
-                _shown(found[spec.name, "void_ratio_mse_mean"]),
-                _shown(found[spec.name, "relative_error_mean"], percent=True),
-                _shown(found[spec.name, "error_point_share"], percent=True),
-                _shown(found[spec.name, "failed_share"], percent=True),
-                *(_of_other(other, main) for other in others),
-            )
-        yield table
+        if others:
+            table = _plain_table(f"Stress MSE of others, split {split}")
+            for name in ("protocol", submission.name, *(other.name for other in others)):
+                table.add_column(name, justify="left" if name == "protocol" else "right")
+            for name in protocols:
+                main = found[name, "stress_mse_mean"]
+                table.add_row(name, _shown(main), *(_of_other(other, main) for other in others))
+            yield table
+
+
+def _scores_table(title: str, rows: dict[str, list["Score"]]) -> Table:
+    table = _plain_table(title)
+    table.add_column("protocol", no_wrap=True)
+    broken = any(scores[-1].value for scores in rows.values())
+    for heading in ("stress\nMSE", "95 %\ninterval", *HEADINGS, *(["failed"] if broken else [])):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for name, (main, worst, void_ratio, *shares, failed) in rows.items():
+        table.add_row(
+            name, _shown(main), _interval(main), _shown(worst), _shown(void_ratio),
+            *(_shown(share, percent=True) for share in [*shares, *([failed] if broken else [])]),
+        )  # fmt: skip
+    return table
+
+
+def _plain_table(title: str) -> Table:
+    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
 
 
 def _shown(score: "Score", percent: bool = False) -> str:
@@ -221,7 +235,7 @@ def _shown(score: "Score", percent: bool = False) -> str:
 def _interval(score: "Score") -> str:
     if score.low is None or score.high is None:
         return "–"
-    return f"{score.low:.3g} … {score.high:.3g}"
+    return f"{score.low:.2g}–{score.high:.2g}"
 
 
 def _of_other(other: "Submission", score: "Score") -> str:

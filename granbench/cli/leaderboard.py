@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from granbench.cli.submission import Dataset, File, Json, Quiet
+from granbench.errors import ConfigurationError
 
 app = typer.Typer(help="The leaderboard: accept submissions, build the site.", no_args_is_help=True)
 
@@ -61,6 +62,8 @@ def build(
     from granbench.leaderboard.reference import replicate_scatters
     from granbench.leaderboard.submission import read_submission
 
+    if board is not None and not board.is_dir():
+        raise ConfigurationError(f"--board {board} is no folder; give one of submissions")
     rows = accepted(board or default_folder())
     for path in extra or ():
         claimed = read_submission(path).model_copy(update={"badge": "claimed"})

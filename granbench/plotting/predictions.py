@@ -172,9 +172,11 @@ def horizon_figure(
             for curve in of_model:
                 if (curve.split, curve.protocol) == (split, protocol) and any(curve.value):
                     axis.plot(curve.horizon, curve.value, label=name, **styles[name].line())
-                    axis.fill_between(
-                        curve.horizon, curve.low, curve.high, color=styles[name].colour, alpha=0.12
-                    )
+                    if curve.low:
+                        colour = styles[name].colour
+                        axis.fill_between(
+                            curve.horizon, curve.low, curve.high, color=colour, alpha=0.12
+                        )
                     drawn.add(name)
         if floor and PROTOCOLS[protocol].restart is None:
             axis.axhline(floor, color="0.3", linestyle=(0, (2, 3)), label="replicate scatter")

@@ -22,9 +22,11 @@ class Resampling:
     Parameters
     ----------
     weights : (resample, path), integers as float
+    specimens : number of different specimens; one alone says nothing about scatter
     """
 
     weights: np.ndarray
+    specimens: int
 
     @classmethod
     def by_specimen(cls, specimens: np.ndarray, resamples: int = RESAMPLES) -> "Resampling":
@@ -38,17 +40,19 @@ class Resampling:
         drawn = (raw % np.uint64(len(labels))).astype(np.int64).reshape(resamples, len(labels))
         counts = np.zeros((resamples, len(labels)))
         np.add.at(counts, (np.arange(resamples)[:, None], drawn), 1.0)
-        return cls(counts[:, cluster])
+        return cls(counts[:, cluster], len(labels))
 
     def interval(
         self, estimate: Callable[[np.ndarray], np.ndarray]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Percentile interval (low, high) of an estimate, each (...).
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Percentile interval (low, high) of an estimate, each (...); None of one specimen.
 
         Parameters
         ----------
         estimate : maps weights (resample, path) to values (resample, ...)
         """
+        if self.specimens < 2:
+            return None
         ranked = np.sort(estimate(self.weights), axis=0)
         # Order statistics without interpolation: infinite values must not become NaN.
         last = len(ranked) - 1

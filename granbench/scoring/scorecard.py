@@ -39,10 +39,10 @@ class Score(_Record):
     status: Literal["scored", "not_applicable", "not_run"]
     value: FiniteFloat | None = Field(default=None, description="mean over seeds; worst: largest")
     low: FiniteFloat | None = Field(
-        default=None, description="lower end of the 95 % bootstrap interval; null: open"
+        default=None, description="lower end of the 95 % bootstrap interval; null: none"
     )
     high: FiniteFloat | None = Field(
-        default=None, description="upper end of the 95 % bootstrap interval; null: open"
+        default=None, description="upper end of the 95 % bootstrap interval; null: none"
     )
     unit: str = "1"
     n: int = Field(default=0, ge=0, description="number of paths, failed ones included")
@@ -73,12 +73,13 @@ class Curve(_Record):
     n: int = Field(ge=1, description="number of paths")
     horizon: tuple[int, ...]
     value: tuple[FiniteFloat, ...]
-    low: tuple[FiniteFloat, ...]
-    high: tuple[FiniteFloat, ...]
+    low: tuple[FiniteFloat, ...] = Field(default=(), description="empty for one specimen alone")
+    high: tuple[FiniteFloat, ...] = ()
 
     @model_validator(mode="after")
     def _same_length(self) -> "Curve":
-        if len({len(self.horizon), len(self.value), len(self.low), len(self.high)}) != 1:
+        ends = {len(self.low), len(self.high)}
+        if len(self.horizon) != len(self.value) or ends not in ({0}, {len(self.value)}):
             raise ValueError("horizon, value, low and high differ in length")
         return self
 
@@ -216,7 +217,8 @@ def _one_score(
         reason = "in some seed fewer than half of the paths diverge"
         return Score(**place, status="not_applicable", reason=reason)
     resampled = metric.resampled(values)
-    low, high = resampling.interval(resampled) if resampled else (math.inf, math.inf)
+    interval = resampling.interval(resampled) if resampled else None
+    low, high = interval or (math.inf, math.inf)
     return Score(
         **place,
         status="scored",
@@ -239,7 +241,7 @@ def _every_curve(statistics: xr.Dataset) -> Iterator[Curve]:
             horizon, errors = horizon_means(step_error, spec.name)
             shown = np.unique(np.linspace(0, len(horizon) - 1, CURVE_HORIZONS).round().astype(int))
             errors = errors[:, shown]
-            low, high = resampling.interval(partial(weighted_mean, errors))
+            low, high = resampling.interval(partial(weighted_mean, errors)) or ((), ())
             yield Curve(
                 protocol=spec.name,
                 split=split,

@@ -37,7 +37,7 @@ def broken():
 @pytest.fixture
 def granbench(capsys, monkeypatch, tmp_path):
     """Run a command in a folder of its own; gives exit code, standard output and error."""
-    monkeypatch.setenv("COLUMNS", "220")
+    monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.chdir(tmp_path)
 
     def run(*words):
@@ -79,7 +79,8 @@ def test_from_a_baseline_to_the_board(granbench, task, tmp_path):
         "evaluate", "persistence", "--task", task, "--out", "runs/persistence.json"
     )
     assert code == 0
-    assert "Whole-path rollout" in out and "split ood-psd" in out
+    assert "noise-1.0" in out and "split ood-psd" in out
+    assert max(map(len, out.splitlines())) <= 80
     submission = read_submission(tmp_path / "runs" / "persistence.json")
     assert (submission.role, submission.seeds) == ("floor", (0, 1, 2))
     assert submission.authors == ("The GranBench authors",)
@@ -147,7 +148,8 @@ def test_scores_stand_beside_the_floors(granbench, task, my_model):
         "--seeds", "0",
     )  # fmt: skip
     assert code == 0
-    assert "persistence: stress MSE" in out and "Single step" not in out
+    assert "Stress MSE of others" in out and "persistence" in out
+    assert "window" in out and "single-step" not in out
 
 
 def test_the_oracle_is_the_ceiling(granbench, task, tmp_path):
@@ -177,6 +179,7 @@ def test_what_a_user_can_get_wrong_is_said_in_one_sentence(granbench, task, my_m
     refused(granbench("evaluate", my_model, "--task", task, "--code", "ftp://x"), "code")
     refused(granbench("submission", "validate", "absent.json"), "absent.json", "cannot be read")
     refused(granbench("leaderboard", "add", "absent.json"), "cannot be read")
+    refused(granbench("leaderboard", "build", "--board", "absent", "--out", "site"), "--board")
     assert not list(tmp_path.glob("*.json")) and not list(tmp_path.glob("*.nc"))
     assert not list(tmp_path.glob(".*part*"))
 
@@ -193,3 +196,21 @@ def test_a_full_disk_leaves_nothing_half_written(granbench, task, tiny_disk):
 def test_the_schema_is_printed(granbench):
     code, out, _ = granbench("submission", "schema")
     assert code == 0 and json.loads(out)["title"] == "GranBench submission"
+
+
+def test_a_trained_baseline_brings_its_seed_and_what_it_was_trained_on(granbench, task, tmp_path):
+    code, _, err = granbench("train", "lstm", "--task", task, "--epochs", "1", "--seed", "5",
+                             "--out", "run", "--quiet")  # fmt: skip
+    assert code == 0, err
+    for model in (("run",), ("lstm", "--model-dir", "run")):
+        code, _, err = granbench("evaluate", *model, "--task", task, "--axis", "window", "--quiet")
+        assert code == 0, err
+        submission = read_submission(tmp_path / "submission.json")
+        assert (submission.name, submission.seeds, submission.role) == ("lstm", (5,), "model")
+        assert submission.training_data.startswith("synthetic 1.0.0, split train, checkpoint")
+        assert "content" not in submission.training_data
+        assert submission.parameters > 1000
+    refused(granbench("evaluate", "lstm", "--task", task, "--model-dir", "run",
+                      "--model-dir", "run"), "not all different")  # fmt: skip
+    refused(granbench("evaluate", "lstm", "--task", task, "--model-dir", "run",
+                      "--seeds", "1,2"), "one for each")  # fmt: skip

@@ -1,11 +1,21 @@
 """`granbench train`, as a user types it."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import torch
 
 from granbench.cli import main
+
+
+@pytest.fixture(autouse=True)
+def same_threads() -> Iterator[None]:
+    """The command sets the number of threads of the process."""
+    before = torch.get_num_threads()
+    yield
+    torch.set_num_threads(before)
 
 
 def run(*words: object) -> int:

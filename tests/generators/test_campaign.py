@@ -52,6 +52,14 @@ def test_a_finished_campaign_is_not_run_again_and_a_lost_result_is_made_again_bi
     assert len((tmp_path / "campaign.log").read_text().splitlines()) == 6
 
 
+def test_a_lost_result_that_only_finished_jobs_needed_is_not_made_again(tmp_path):
+    first = quiet(walks(), tmp_path)
+    shutil.rmtree(first.done["walk/0"])  # "joined" needed it and is done
+    again = quiet(walks(), tmp_path)
+    assert again.spared == ("walk/0",)
+    assert set(again.done) == {"joined", "walk/1", "walk/2"} and not again.failed
+
+
 def test_no_word_of_a_job_reaches_the_terminal(tmp_path, capfd):
     report = quiet(walks(), tmp_path)
     assert capfd.readouterr() == ("", "")

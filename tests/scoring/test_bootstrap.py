@@ -57,6 +57,12 @@ def test_the_stream_is_frozen():
     assert weights.tolist() == [[1.0, 1.0, 1.0, 1.0], [1.0, 2.0, 1.0, 0.0], [1.0, 0.0, 1.0, 2.0]]
 
 
+def test_one_specimen_alone_has_no_interval():
+    values = np.arange(5.0)
+    alone = Resampling.by_specimen(np.array(["a"] * 5))
+    assert alone.interval(lambda w: weighted_mean(values, w)) is None
+
+
 def test_infinite_values_stay_infinite():
     values = np.array([1.0, np.inf, np.inf, 2.0])
     low, high = Resampling.by_specimen(np.arange(4)).interval(lambda w: weighted_median(values, w))

@@ -1,0 +1,37 @@
+"""Draw a submission against others: prediction_pictures.py FOLDER SUBMISSION [SUBMISSION ...].
+
+Two pictures go to FOLDER: stress and void ratio along the typical path of each loading family,
+measured and predicted, and the error of every model against the horizon. Typical is the path of
+median error of the first submission.
+"""
+
+import sys
+from pathlib import Path
+
+from granbench.data import load
+from granbench.data.replicates import replicate_scatter
+from granbench.leaderboard.submission import read_submission
+from granbench.plotting import save_figure
+from granbench.plotting.predictions import horizon_figure, prediction_figure, typical_paths
+from granbench.predictions import open_predictions
+
+
+def main(folder: Path, files: list[Path]) -> None:
+    """Draw both pictures."""
+    submissions = {file: read_submission(file) for file in files}
+    first = submissions[files[0]]
+    records = load(f"{first.dataset.name}@{first.dataset.version}")
+    predictions = {
+        submission.name: open_predictions(file.parent / submission.predictions.file)
+        for file, submission in submissions.items()
+    }
+    paths = typical_paths(records, predictions[first.name])
+    figure = prediction_figure(records, predictions, paths)
+    save_figure(figure, folder / "measured-against-predicted.png")
+    curves = {submission.name: submission.curves for submission in submissions.values()}
+    floor = replicate_scatter(records).floor_mse
+    save_figure(horizon_figure(curves, floor=floor), folder / "error-against-horizon.png")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), [Path(name) for name in sys.argv[2:]])

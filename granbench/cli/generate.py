@@ -1,0 +1,50 @@
+"""`granbench generate`: run, or continue, the campaign that makes a dataset."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def generate(
+    dataset: Annotated[str, typer.Argument(help="Dataset to generate, such as dem-triaxial.")],
+    out: Annotated[Path, typer.Option(help="Folder of the campaign and of the dataset.")],
+    preset: Annotated[str, typer.Option(help="smoke, core or paper.")] = "smoke",
+    workers: Annotated[int, typer.Option(help="Jobs at a time on this machine.")] = 1,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a dask scheduler that takes the jobs instead.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of every random choice.")] = 0,
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="Run jobs again that failed earlier.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the outcome as JSON.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
+) -> None:
+    """Generate a dataset; run the same command again to continue one that was interrupted."""
+    from granbench.generators.catalogue import generator
+
+    path, report = generator(dataset)(
+        preset,
+        out,
+        seed=seed,
+        workers=workers,
+        scheduler=scheduler,
+        progress="quiet" if quiet or as_json else "bar",
+        retry_failed=retry_failed,
+    )
+    if as_json:
+        outcome = {
+            "dataset": str(path),
+            "done": len(report.done),
+            "continued": len(report.skipped),
+            "failed": report.failed,
+        }
+        typer.echo(json.dumps(outcome, indent=1))
+        return
+    if quiet:
+        return
+    typer.echo(f"{len(report.done)} jobs done, {len(report.skipped)} of them earlier: {path}")
+    for key, reason in report.failed.items():
+        typer.echo(f"failed, and not in the data: {key}: {reason}")
