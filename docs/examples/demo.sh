@@ -17,7 +17,7 @@ run() {
 }
 mkdir -p "$out/pictures"
 
-title "1. Fresh DEM tests: two packings of 400 grains, loaded in four ways"
+title "1. Fresh DEM tests on two small packings"
 if command -v liggghts >/dev/null; then
   run granbench generate dem-triaxial --preset smoke --out "$out/fresh" --workers 2
   specimen=$(ls -d "$out"/fresh/campaign/results/specimen* | head -n 1)

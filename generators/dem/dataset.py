@@ -15,7 +15,6 @@ from granbench.generators.dem.gradings import GRADINGS
 from granbench.tensors import COMPONENT_ORDERS, SHEAR_COMPONENTS
 
 DATASET = "dem-triaxial"
-VERSION = "1.0.0"
 
 SERIES = {
     "strain": ("component",),
@@ -110,7 +109,7 @@ def assemble(
         coords=coordinates,
         attrs={
             "dataset": DATASET,
-            "version": VERSION,
+            "version": preset.version,
             "title": f"True-triaxial DEM tests of sphere packings, preset {preset.name}",
             "generator": "granbench generate dem-triaxial",
             "generator_version": __version__,

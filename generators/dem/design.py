@@ -44,9 +44,12 @@ class TriaxialPreset(BaseModel):
 
     Parameters
     ----------
+    version : of the dataset that it makes
     particle_count : grains of every specimen, whatever its grading (Algorithm 1)
     gradings : names of `GRADINGS`
     preparation_frictions : mu0, rising; each makes a looser specimen
+    only_gradings, only_levels : names of the gradings and indices of the frictions that are
+        really prepared, a part of the campaign of all; all by default
     pressures : consolidation mean stresses p0, Pa, rising
     ratios : intermediate stress ratios b
     monotonic_strain : axial strain at which the monotonic tests end
@@ -59,9 +62,12 @@ class TriaxialPreset(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: str
+    version: str
     particle_count: int
     gradings: tuple[str, ...]
     preparation_frictions: tuple[float, ...]
+    only_gradings: tuple[str, ...] | None = None
+    only_levels: tuple[int, ...] | None = None
     pressures: tuple[float, ...]
     ratios: tuple[float, ...] = (0.0, 0.25, 0.5, 0.75, 1.0)
     monotonic_strain: float = 0.4
@@ -87,9 +93,20 @@ ALL_GRADINGS = (
 ALL_FRICTIONS = (0.0, 0.005, 0.01, 0.04, 0.1, 0.2, 0.3)
 ALL_PRESSURES = (0.1e6, 0.5e6, 1.0e6, 2.0e6, 4.0e6)
 
+CORE = TriaxialPreset(
+    name="core",
+    version="1.0.0",
+    particle_count=3800,  # 3,704 keep the box at three largest diameters for fractal-2.9, dense
+    gradings=ALL_GRADINGS,
+    preparation_frictions=ALL_FRICTIONS,
+    pressures=ALL_PRESSURES,
+    closer_gradings=("mono", "bell", "binary", "fractal-2.9"),
+    replicates=10,
+)
 PRESETS = {
     "smoke": TriaxialPreset(
         name="smoke",
+        version="0.0.0+smoke",
         particle_count=400,
         gradings=("mono",),
         preparation_frictions=(0.0, 0.3),
@@ -97,25 +114,26 @@ PRESETS = {
         monotonic_strain=0.1,
         records=60,
     ),
-    "core": TriaxialPreset(
-        name="core",
-        particle_count=3800,
-        gradings=ALL_GRADINGS,
-        preparation_frictions=ALL_FRICTIONS,
-        pressures=ALL_PRESSURES,
-        closer_gradings=("mono", "bell", "binary", "fractal-2.9"),
-        replicates=10,
+    # The densest and the loosest specimens of five gradings of the core campaign: the same jobs,
+    # a quarter of them.
+    "preview": CORE.model_copy(
+        update={
+            "name": "preview",
+            "version": "0.1.0",
+            "only_gradings": (*CORE.closer_gradings, UNSEEN_GRADING),
+            "only_levels": (0, 6),
+        }
     ),
-    "paper": TriaxialPreset(
-        name="paper",
-        particle_count=10_000,
-        gradings=ALL_GRADINGS,
-        preparation_frictions=ALL_FRICTIONS,
-        pressures=ALL_PRESSURES,
-        closer_gradings=ALL_GRADINGS,
-        closer_cyclic=31,
-        closer_random=30,
-        replicates=10,
+    "core": CORE,
+    "paper": CORE.model_copy(
+        update={
+            "name": "paper",
+            "version": "1.0.0+paper",
+            "particle_count": 10_000,
+            "closer_gradings": ALL_GRADINGS,
+            "closer_cyclic": 31,
+            "closer_random": 30,
+        }
     ),
 }
 
@@ -187,9 +205,17 @@ def specimens(preset: TriaxialPreset, seed: int) -> list[SpecimenPlan]:
         for m, friction in enumerate(preset.preparation_frictions)
         for g, grading in enumerate(preset.gradings)
     ]
-    return plans + [
+    plans += [
         plans[i].model_copy(update={"replicate": 1, "seed": _seed(seed, plans[i].grading, m, 1)})
         for i, m in _replicated(preset)
+    ]
+    levels = preset.only_levels or range(len(preset.preparation_frictions))
+    frictions = {preset.preparation_frictions[m] for m in levels}
+    gradings = preset.only_gradings or preset.gradings
+    return [
+        plan
+        for plan in plans
+        if plan.preparation_friction in frictions and plan.grading in gradings
     ]
 
 

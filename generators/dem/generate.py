@@ -5,7 +5,7 @@ from typing import Any
 
 from granbench.errors import EngineError
 from granbench.generators.campaign import CampaignReport, Progress, run_campaign
-from granbench.generators.dem.dataset import DATASET, VERSION, assemble
+from granbench.generators.dem.dataset import DATASET, assemble
 from granbench.generators.dem.design import planned_tests, preset
 from granbench.generators.dem.engine import engine_version
 from granbench.generators.dem.jobs import campaign_jobs
@@ -27,7 +27,7 @@ def generate(
 
     Parameters
     ----------
-    preset_name : `smoke`, `core` or `paper`
+    preset_name : `smoke`, `preview`, `core` or `paper`
     out : folder of the campaign; the dataset is written into it
     seed : of every random choice
     workers, scheduler, progress, retry_failed : see `run_campaign`
@@ -71,6 +71,6 @@ def generate(
         configuration=configuration,
         engine_version=version,
     )
-    path = Path(out) / f"{DATASET}-{VERSION}-{preset_name}.nc"
+    path = Path(out) / f"{DATASET}-{chosen.version}.nc"
     write_records(dataset, path)
     return path, report

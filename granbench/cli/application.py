@@ -49,11 +49,11 @@ def granbench(
 
 
 app.add_typer(data.app, name="data")
+app.command()(generate.generate)
 app.command()(train.train)
 app.command()(evaluate.evaluate)
 app.add_typer(submission.app, name="submission")
 app.add_typer(leaderboard.app, name="leaderboard")
-app.command()(generate.generate)
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:

@@ -4,20 +4,23 @@ import numpy as np
 import pytest
 
 from granbench.errors import ConfigurationError
-from granbench.plotting.packing import _render, _view_axes, packing_figure
+from granbench.plotting.packing import _Canvas, _view_axes, _with_images, packing_figure
 
 RED, BLUE = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+BOX = np.array([1.0, 1.0, 1.0])
+MIDDLE = np.array([0.5, 0.5, 0.5])
+TOWARDS = _view_axes()[2]
 
 
-def picture(centres, radii, colours, pixels: int = 60) -> np.ndarray:
-    return _render(
-        np.array(centres, dtype=float),
-        np.array(radii, dtype=float),
-        np.array(colours),
-        np.array([-1.0, -1.0]),
-        np.array([1.0, 1.0]),
-        pixels,
-    )
+def covered(canvas: _Canvas) -> float:
+    """Area of the picture that is painted, m2."""
+    pixel = (canvas.x[1] - canvas.x[0]) ** 2
+    return float(pixel * canvas.image[..., 3].sum())
+
+
+def pixel_of(canvas: _Canvas, point: np.ndarray) -> np.ndarray:
+    x, y, _ = _view_axes() @ point
+    return canvas.image[np.searchsorted(canvas.y, y), np.searchsorted(canvas.x, x)]
 
 
 def test_view_axes_are_orthonormal_and_right_handed() -> None:
@@ -27,19 +30,47 @@ def test_view_axes_are_orthonormal_and_right_handed() -> None:
     assert axes[1, 2] > 0.0  # direction 3 points up in the picture
 
 
-def test_one_sphere_covers_its_circle() -> None:
-    image = picture([[0.0, 0.0, 0.0]], [0.5], [RED])
-    # Area pi/16 of the picture; the rim is resolved to a pixel.
-    assert image[..., 3].mean() == pytest.approx(np.pi / 16.0, rel=0.03)
+def test_a_sphere_inside_the_box_covers_its_circle() -> None:
+    canvas = _Canvas.of_box(BOX, 200)
+    canvas.add_sphere(MIDDLE, 0.3, RED)
+    # The rim is resolved to a pixel of 1/150 of the edge.
+    assert covered(canvas) == pytest.approx(np.pi * 0.3**2, rel=0.02)
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 def test_the_nearer_sphere_hides_the_other_whatever_their_order(order: tuple[int, int]) -> None:
-    centres = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]])[list(order)]
-    colours = np.array([RED, BLUE])[list(order)]
-    centre_pixel = picture(centres, [0.4, 0.4], colours)[30, 30]
-    assert centre_pixel[2] > 0.2
-    assert centre_pixel[0] == 0.0
+    spheres = [(MIDDLE - 0.2 * TOWARDS, RED), (MIDDLE + 0.2 * TOWARDS, BLUE)]
+    canvas = _Canvas.of_box(BOX, 100)
+    for number in order:
+        centre, colour = spheres[number]
+        canvas.add_sphere(centre, 0.1, colour)
+    seen = pixel_of(canvas, MIDDLE)
+    assert seen[2] > 0.2
+    assert seen[0] == 0.0
+
+
+def test_a_sphere_outside_the_box_is_not_drawn() -> None:
+    canvas = _Canvas.of_box(BOX, 100)
+    canvas.add_sphere(MIDDLE + 2.0 * TOWARDS, 0.3, RED)
+    canvas.add_sphere(np.array([0.5, 0.5, 1.31]), 0.3, RED)
+    assert covered(canvas) == 0.0
+
+
+def test_a_sphere_that_holds_the_box_is_cut_to_its_three_faces() -> None:
+    canvas = _Canvas.of_box(BOX, 200)
+    canvas.add_sphere(MIDDLE, 5.0, RED)
+    # A unit cube seen along a unit vector n has the silhouette |n_x| + |n_y| + |n_z|.
+    assert covered(canvas) == pytest.approx(np.abs(TOWARDS).sum(), rel=0.02)
+    brightness = np.unique(canvas.image[canvas.image[..., 3] > 0.0][:, 0].round(9))
+    assert brightness.size == 3
+
+
+def test_a_grain_at_a_face_appears_at_the_opposite_one_too() -> None:
+    centres, radii = _with_images(np.array([[0.5, 0.5, 0.95]]), np.array([0.1]), BOX)
+    assert sorted(centres[:, 2]) == pytest.approx([-0.05, 0.95])
+    assert radii == pytest.approx([0.1, 0.1])
+    corner, _ = _with_images(np.array([[0.02, 0.02, 0.98]]), np.array([0.1]), BOX)
+    assert len(corner) == 8
 
 
 def test_figure_names_the_packing_and_its_sizes() -> None:
