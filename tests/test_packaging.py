@@ -51,7 +51,7 @@ def pins(file: str) -> dict[str, str]:
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
     """A wheel built from a copy of the checkout, so that no old build folder leaks into it."""
     copy = tmp_path_factory.mktemp("checkout")
-    for name in (*FOLDERS, "pyproject.toml", "README.md", "LICENSE"):
+    for name in (*FOLDERS, "pyproject.toml", "README.md", "LICENSE", "LICENSE-DATA"):
         source = ROOT / name
         if source.is_dir():
             shutil.copytree(source, copy / name, ignore=shutil.ignore_patterns("__pycache__"))

@@ -114,7 +114,7 @@ def assemble(
             "generator": "granbench generate dem-triaxial",
             "generator_version": __version__,
             "engine": "LIGGGHTS",
-            "engine_version": engine_version,
+            "engine_version": engine_version.removeprefix("LIGGGHTS "),
             "configuration": json.dumps(configuration, sort_keys=True),
             "seed": seed,
             "licence": "CC-BY-4.0",

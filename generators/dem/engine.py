@@ -110,10 +110,10 @@ class Liggghts:
         """Return grain velocities by id, (grain, 3), m/s."""
         return self._gather("v", 3)
 
-    def stop_grains(self) -> None:
-        """Set all translational velocities to zero, in place: no set-up is needed after it."""
-        still = np.zeros((self.grain_count(), 3))
-        pointer = still.ctypes.data_as(ctypes.c_void_p)
+    def set_velocities(self, velocities: np.ndarray) -> None:
+        """Set all velocities by id, (grain, 3), m/s, in place: no set-up is needed after it."""
+        ordered = np.ascontiguousarray(velocities, dtype=float)
+        pointer = ordered.ctypes.data_as(ctypes.c_void_p)
         self._library.lammps_scatter_atoms(self._handle, b"v", 1, 3, pointer)
 
     def radii(self) -> np.ndarray:

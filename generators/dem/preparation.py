@@ -257,7 +257,7 @@ def settle(
         # Grains that rattle without friction lose their energy at a snail's pace.
         since_stop = number % QUENCH_CHUNKS
         if since_stop == 0:
-            box.engine.stop_grains()
+            box.stop_grains()
         if np.max(np.abs(error)) < STRESS_TOLERANCE * pressure:
             calm.append(stress)
             quiet = box.kinetic_energy() < ENERGY_TOLERANCE * pressure * box.volume
