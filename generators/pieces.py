@@ -11,6 +11,7 @@ from pathlib import Path
 
 from granbench.errors import ConfigurationError
 from granbench.generators.campaign import Job
+from granbench.whole_file import whole_file
 
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """Date of every member, so that equal results give an equal archive."""
@@ -38,15 +39,15 @@ def pack(jobs: Sequence[Job], campaign: Path, archive: Path) -> int:
     ]
     if not folders:
         raise ConfigurationError(f"{campaign} holds no finished result to pack; generate first")
-    archive.parent.mkdir(parents=True, exist_ok=True)
-    partial = archive.with_name(archive.name + ".part")
-    with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as pieces:
+    with (
+        whole_file(archive, ConfigurationError) as partial,
+        zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as pieces,
+    ):
         for folder in sorted(folders):
             for file in sorted(path for path in folder.rglob("*") if path.is_file()):
                 name = file.relative_to(folder.parent).as_posix()
                 member = zipfile.ZipInfo(name, EPOCH)
                 pieces.writestr(member, file.read_bytes(), zipfile.ZIP_DEFLATED)
-    partial.replace(archive)
     return len(folders)
 
 

@@ -7,8 +7,6 @@ computed from the stored values against the truth rounded alike, so that anybody
 from the file, and a perfect model scores exactly zero.
 """
 
-import os
-import uuid
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +15,7 @@ import numpy as np
 import xarray as xr
 
 from granbench.errors import ConfigurationError, SubmissionError
+from granbench.whole_file import whole_file
 
 KEEP_BITS = 15
 """Stored mantissa bits: a relative rounding error of at most 2^-16 = 1.5e-5, about five digits.
@@ -192,23 +191,13 @@ def write_predictions(predictions: xr.Dataset, path: Path) -> None:
     SubmissionError
         If the folder cannot be written to.
     """
-    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.part")
     encoding = {}
     for name, variable in predictions.data_vars.items():
         # One chunk a component keeps neighbours in time together, which compresses best.
         chunks = [1, 1, *variable.shape[2:4], *([1] if variable.ndim == 5 else [])]
         encoding[name] = {"zlib": True, "complevel": 6, "shuffle": True, "chunksizes": chunks}
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path, SubmissionError, RuntimeError, size=predictions.nbytes) as partial:
         predictions.to_netcdf(partial, engine="netcdf4", encoding=encoding)
-        os.replace(partial, path)
-    except (OSError, RuntimeError) as error:
-        partial.unlink(missing_ok=True)
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise SubmissionError(
-            f"cannot write {path.name} ({reason}); choose a folder that is writable and has free "
-            "space"
-        ) from error
 
 
 def open_predictions(path: Path) -> xr.Dataset:

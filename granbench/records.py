@@ -4,12 +4,8 @@ The hash covers values, not file bytes, so that it survives another compression 
 netCDF library. Each variable carries its own, so that a difference can be named.
 """
 
-import contextlib
 import hashlib
 import json
-import os
-import shutil
-import uuid
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -26,6 +22,7 @@ from granbench.schema import (
     path_blocks,
     validate_records,
 )
+from granbench.whole_file import whole_file
 
 __all__ = [
     "CONVENTIONS",
@@ -161,19 +158,8 @@ def write_records(ds: xr.Dataset, path: Path | str) -> Path:
         for name, variable in sealed.variables.items()
         if variable.dtype.kind in "fiu" and variable.ndim > 1
     }
-    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path, DatasetError, RuntimeError, size=sealed.nbytes) as partial:
         sealed.to_netcdf(partial, engine="netcdf4", format="NETCDF4", encoding=encoding)
-        os.replace(partial, path)
-    except (OSError, RuntimeError) as error:
-        raise DatasetError(
-            f"{path}: cannot be written ({_reason(error, path.parent, sealed.nbytes)}); choose a "
-            "folder that is writable and has free space"
-        ) from error
-    finally:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
     return path
 
 
@@ -181,15 +167,6 @@ def _chunk(variable: xr.Variable) -> tuple[int, ...]:
     """A few paths of one component: compresses best, and one path is read without the others."""
     paths, *others = variable.shape
     return (min(paths, PATHS_PER_CHUNK), *others[:1], *(1 for _ in others[1:]))
-
-
-def _reason(error: OSError | RuntimeError, folder: Path, wanted: int) -> str:
-    if isinstance(error, OSError):
-        return error.strerror or str(error)
-    # HDF5 says no more than "HDF error" when the disk is full.
-    if folder.is_dir() and shutil.disk_usage(folder).free < wanted:
-        return "the disk is full"
-    return str(error)
 
 
 def open_records(

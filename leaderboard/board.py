@@ -1,6 +1,5 @@
 """The board's folder: accepted submissions, one JSON and one netCDF file each, by task."""
 
-import os
 import re
 import shutil
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ import xarray as xr
 from granbench.errors import ConfigurationError, SubmissionError
 from granbench.leaderboard.submission import Submission, read_submission, write_submission
 from granbench.leaderboard.validation import validate
+from granbench.whole_file import whole_file
 
 MINIMUM_SEEDS = 3
 
@@ -117,14 +117,5 @@ def _refuse_duplicates(submission: Submission, file: Path, target: Path, replace
 
 
 def _copy(source: Path, target: Path) -> None:
-    partial = target.with_name(f".{target.name}.part")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(target, SubmissionError) as partial:
         shutil.copyfile(source, partial)
-        os.replace(partial, target)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise SubmissionError(
-            f"cannot write {target} ({error.strerror or error}); choose a folder that is "
-            "writable and has free space"
-        ) from error

@@ -4,7 +4,6 @@ import hashlib
 import json
 import os
 import platform
-import uuid
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn
@@ -21,6 +20,7 @@ from pydantic import (
 from granbench.errors import ConfigurationError, SubmissionError
 from granbench.scoring import Curve, Score
 from granbench.scoring.scorecard import Scales
+from granbench.whole_file import whole_file
 
 SCHEMA_FILE = Path(__file__).parent / "submission.schema.json"
 
@@ -194,17 +194,8 @@ def write_submission(submission: Submission, path: Path) -> None:
             rendered = json.dumps(value, ensure_ascii=False, allow_nan=False, indent=2)
             rendered = rendered.replace("\n", "\n  ")
         parts.append(f"  {json.dumps(key)}: {rendered}")
-    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path, SubmissionError) as partial:
         partial.write_text("{\n" + ",\n".join(parts) + "\n}\n", encoding="utf-8")
-        os.replace(partial, path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise SubmissionError(
-            f"cannot write {path.name} ({error.strerror or error}); choose a folder that is "
-            "writable and has free space"
-        ) from error
 
 
 def schema_text() -> str:

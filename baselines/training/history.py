@@ -1,7 +1,6 @@
 """The learning curve of a run, as a table of epochs."""
 
 import csv
-import os
 from dataclasses import astuple, fields
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import xarray as xr
 
 from granbench.baseline import EpochReport
 from granbench.errors import ModelError
+from granbench.whole_file import whole_file
 
 HISTORY_FILE = "history.csv"
 CURVE_FILE = "learning_curve.png"
@@ -17,12 +17,13 @@ CURVE_FILE = "learning_curve.png"
 
 def write_history(folder: Path, reports: list[EpochReport]) -> None:
     """Write `history.csv`, whole or not at all; numbers keep all their digits."""
-    partial = folder / f".{HISTORY_FILE}.part"
-    with partial.open("w", newline="") as file:
+    with (
+        whole_file(folder / HISTORY_FILE, ModelError) as partial,
+        partial.open("w", newline="") as file,
+    ):
         table = csv.writer(file)
         table.writerow(field.name for field in fields(EpochReport))
         table.writerows(astuple(report) for report in reports)
-    os.replace(partial, folder / HISTORY_FILE)
 
 
 def read_history(folder: Path, until_epoch: int | None = None) -> list[EpochReport]:

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -10,8 +9,9 @@ from typing import Any
 
 from torch import Tensor, nn
 
-from granbench.baselines.training.tensor_files import read_tensors, unwritable, write_tensors
+from granbench.baselines.training.tensor_files import read_tensors, write_tensors
 from granbench.errors import ModelError
+from granbench.whole_file import whole_file
 
 WEIGHTS_FILE = "model.safetensors"
 DESCRIPTION_FILE = "model.json"
@@ -51,14 +51,8 @@ def write_model(folder: Path, weights: Mapping[str, Tensor], description: ModelD
     """
     write_tensors(folder / WEIGHTS_FILE, weights)
     sealed = asdict(description) | {"weights_sha256": _digest(folder / WEIGHTS_FILE)}
-    path = folder / DESCRIPTION_FILE
-    partial = folder / f".{DESCRIPTION_FILE}.part"
-    try:
+    with whole_file(folder / DESCRIPTION_FILE, ModelError) as partial:
         partial.write_text(json.dumps(sealed, indent=2) + "\n")
-        os.replace(partial, path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise unwritable(path, error) from error
     return folder
 
 

@@ -1,7 +1,6 @@
 """Tensors with a description, in safetensors: reading a file never executes code."""
 
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from granbench.errors import ModelError
+from granbench.whole_file import whole_file
 
 _DESCRIPTION = "description"
 
@@ -30,13 +30,8 @@ def write_tensors(path: Path, tensors: Mapping[str, Tensor], description: Any = 
         If the folder cannot be written or is full.
     """
     stored = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
-    partial = path.with_name(f".{path.name}.part")
-    try:
+    with whole_file(path, ModelError, SafetensorError) as partial:
         save_file(stored, partial, metadata={_DESCRIPTION: json.dumps(description)})
-        os.replace(partial, path)
-    except (OSError, SafetensorError) as error:
-        partial.unlink(missing_ok=True)
-        raise unwritable(path, error) from error
 
 
 def unwritable(path: Path, error: Exception) -> ModelError:

@@ -108,9 +108,7 @@ class GrainBox:
         if not Path(restart_path).is_file():
             raise EngineError(f"the prepared state {restart_path} is missing; prepare it again")
         engine = Liggghts(log_path)
-        engine.command(
-            "newton off", f"read_restart {restart_path}", "communicate single vel yes"
-        )
+        engine.command("newton off", f"read_restart {restart_path}", "communicate single vel yes")
         return cls(engine, diameters, material, friction)
 
     def set_friction(self, friction: float) -> None:
@@ -185,6 +183,16 @@ class GrainBox:
             return np.zeros((0, 2), dtype=int)
         count = round(area / self.engine.compute_scalar("contact_mean"))
         return self.engine.compute_local("contacts", count, 4)[:, :2].astype(int) - 1
+
+    def contact_forces(self) -> np.ndarray:
+        """Return the force on the first grain of every pair of `contact_pairs`, (contact, 3), N."""
+        self.engine.command("compute forces all pair/gran/local id force")
+        # A new compute finds the contact model only in a set-up.
+        self.engine.run(0)
+        forces = self.engine.compute_local("forces", len(self.contact_pairs()), 6)[:, 3:]
+        self.engine.command("uncompute forces")
+        self._set_up_needed = True
+        return forces
 
     def kinetic_energy(self) -> float:
         """Translational kinetic energy of the motion relative to the affine one, J."""

@@ -20,6 +20,7 @@ from granbench.paths.random_strain import RandomStrain
 from granbench.paths.triaxial import ConstantMeanStress, ConstantMinorStress
 
 Programme = ConstantMeanStress | ConstantMinorStress | CyclicTriaxial | RandomStrain
+Monotonic = type[ConstantMeanStress] | type[ConstantMinorStress]
 Split = Literal["train", "validation", "test", "ood-psd"]
 
 UNSEEN_GRADING = "fractal-1.5"
@@ -180,9 +181,7 @@ def preset(name: str) -> TriaxialPreset:
         If there is none.
     """
     if name not in PRESETS:
-        raise RegistryError(
-            f"preset {name!r} of dem-triaxial is unknown; use {', '.join(PRESETS)}"
-        )
+        raise RegistryError(f"preset {name!r} of dem-triaxial is unknown; use {', '.join(PRESETS)}")
     return PRESETS[name]
 
 
@@ -250,7 +249,7 @@ def _programmes(preset: TriaxialPreset, specimen: SpecimenPlan, seed: int) -> It
     def pressure(shift: int) -> float:
         return preset.pressures[(g + 2 * m + shift) % levels[0]]
 
-    def monotonic(family: type[Programme], shift: int) -> Programme:
+    def monotonic(family: Monotonic, shift: int) -> Programme:
         ratio = preset.ratios[(2 * g + m + shift) % levels[1]]
         return family(pressure=pressure(shift), b=ratio, axial_strain=preset.monotonic_strain)
 
@@ -262,7 +261,7 @@ def _programmes(preset: TriaxialPreset, specimen: SpecimenPlan, seed: int) -> It
         rng = np.random.default_rng([seed, g, m, 2, k])
         return RandomStrain.draw(rng, pressure(4 + 2 * k))
 
-    families = (ConstantMeanStress, ConstantMinorStress)
+    families: tuple[Monotonic, ...] = (ConstantMeanStress, ConstantMinorStress)
     closer = specimen.grading in preset.closer_gradings
     if m in (0, len(preset.preparation_frictions) - 1) and ANCHOR_PRESSURE in preset.pressures:
         yield ConstantMeanStress(

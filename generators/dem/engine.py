@@ -116,6 +116,14 @@ class Liggghts:
         pointer = ordered.ctypes.data_as(ctypes.c_void_p)
         self._library.lammps_scatter_atoms(self._handle, b"v", 1, 3, pointer)
 
+    def angular_velocities(self) -> np.ndarray:
+        """Return grain spins by id, (grain, 3), rad/s."""
+        return self._gather("omega", 3)
+
+    def forces(self) -> np.ndarray:
+        """Return the total forces on the grains by id, (grain, 3), N."""
+        return self._gather("f", 3)
+
     def radii(self) -> np.ndarray:
         """Return grain radii by id, (grain,), m."""
         return self._gather("radius", 1)[:, 0]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -148,7 +149,7 @@ def run_test(
     initial = driver.hold()
     snapshots = [driver.snapshot()]
     chunks: list[_Chunk] = []
-    for start, end in zip(positions, positions[1:], strict=False):
+    for start, end in itertools.pairwise(positions):
         chunks += driver.drive(start, end)
         snapshots.append(driver.snapshot())
     steps = driver.steps
@@ -206,7 +207,7 @@ class _Driver:
         for low, high in zip([start, *corners], [*corners, end], strict=True):
             count = max(1, math.ceil((high - low) / self._chunk - 1e-6))
             edges = np.linspace(low, high, count + 1)
-            chunks += [self._drive_chunk(a, b) for a, b in zip(edges, edges[1:], strict=False)]
+            chunks += [self._drive_chunk(a, b) for a, b in itertools.pairwise(edges)]
         return chunks
 
     def _drive_chunk(self, start: float, end: float) -> _Chunk:
@@ -276,7 +277,9 @@ def _assemble(
     )
 
 
-def _errors(measure, stress: Floats, positions: Floats) -> Iterator[float]:  # noqa: ANN001
+def _errors(
+    measure: Callable[[Floats, float], float], stress: Floats, positions: Floats
+) -> Iterator[float]:
     for row, position in zip(stress, positions, strict=True):
         yield measure(row[:3], position)
 

@@ -5,7 +5,6 @@ figures beside it. Everything on the page is computed from the file, so it canno
 unnoticed.
 """
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -26,6 +25,7 @@ from granbench.plotting import (
     save_figure,
 )
 from granbench.records import open_records, verify
+from granbench.whole_file import whole_file
 
 FIGURES: dict[str, tuple[Callable[[xr.Dataset], Figure], str]] = {
     "stress-strain": (
@@ -84,15 +84,8 @@ def write_card(records: xr.Dataset, out: Path) -> Path:
             continue
         drawn[f"{name}/{save_figure(figure, out / name / f'{title}.png').name}"] = caption
     page = out / f"{name}.md"
-    partial = out / f".{page.name}.part"
-    try:
+    with whole_file(page, DatasetError) as partial:
         partial.write_text(card_text(records, drawn, undrawn), encoding="utf-8")
-        os.replace(partial, page)
-    except OSError as error:
-        raise DatasetError(
-            f"{page}: the card cannot be written ({error.strerror or error}); choose a folder "
-            "that is writable and has free space"
-        ) from error
     return page
 
 

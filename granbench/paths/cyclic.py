@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import ClassVar, Self
 
 import numpy as np
@@ -41,7 +42,7 @@ class CyclicTriaxial(LoadingProgramme):
     def model_post_init(self, _context: object) -> None:
         super().model_post_init(_context)
         ends = (0.0, *self.unloading_strains, self.axial_strain)
-        rising = all(a < b for a, b in zip(ends, ends[1:], strict=False))
+        rising = all(a < b for a, b in itertools.pairwise(ends))
         require(rising, self, "unloading_strains", "must rise from above 0 to below axial_strain")
         matched = len(self.amplitudes) == len(self.unloading_strains)
         require(

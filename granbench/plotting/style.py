@@ -4,7 +4,6 @@ Figures are built on `matplotlib.figure.Figure` itself, never on pyplot, so that
 changes nothing anywhere else and needs no screen.
 """
 
-import contextlib
 import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from granbench.errors import ConfigurationError
+from granbench.whole_file import whole_file
 
 PANEL_SIZE = (3.5, 2.9)
 """Width and height of one panel, inches: two make a column of A4."""
@@ -182,17 +182,6 @@ def save_figure(figure: Figure, path: Path | str) -> Path:
         If the folder cannot be written.
     """
     path = Path(path)
-    partial = path.with_name(f".{path.name}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path, ConfigurationError) as partial:
         figure.savefig(partial, format="png", dpi=RESOLUTION, metadata={"Software": None})
-        partial.replace(path)
-    except OSError as error:
-        raise ConfigurationError(
-            f"{path}: the figure cannot be written ({error.strerror or error}); choose a folder "
-            "that is writable and has free space"
-        ) from error
-    finally:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
     return path

@@ -187,7 +187,7 @@ def test_what_a_user_can_get_wrong_is_said_in_one_sentence(granbench, task, my_m
 def test_a_full_disk_leaves_nothing_half_written(granbench, task, tiny_disk):
     refused(
         granbench("evaluate", "persistence", "--task", task, "--out", tiny_disk / "s.json"),
-        "cannot write",
+        "cannot be written",
         "free space",
     )
     assert list(tiny_disk.iterdir()) == []
