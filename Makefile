@@ -7,7 +7,7 @@ OUT ?= demo-out
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
-.PHONY: setup engine browser demo test slow bench lint docs clean
+.PHONY: setup engine browser demo test slow bench lint docs core clean
 
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
@@ -56,6 +56,14 @@ lint: setup
 docs: setup
 	@for file in datasets/*.nc; do $(BIN)/python -m granbench.data.card $$file --out docs/datasets; done
 	@$(BIN)/python docs/readme_scores.py
+
+# Continues the core campaign from the results that were committed so far (two hours on two cores
+# from nothing). Run it again after an interruption.
+CORE ?= campaigns/core
+core: setup
+	@for part in datasets/campaigns/dem-triaxial-*.zip; do \
+	    $(BIN)/python -m granbench.generators.pieces unpack $$part $(CORE)/campaign; done
+	$(BIN)/granbench generate dem-triaxial --preset core --workers 2 --out $(CORE)
 
 clean:
 	rm -rf build dist $(VENV) $(OUT)

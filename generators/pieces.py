@@ -1,28 +1,31 @@
 """Finished results of a campaign as one small archive, to be continued on another machine.
 
+``python -m granbench.generators.pieces unpack ARCHIVE CAMPAIGN`` brings them into a campaign's
+folder, ``... pack CAMPAIGN ARCHIVE`` takes them out of one.
+
 Only final results travel (those that no other job needs): the executor prepares a specimen
 again when one of its tests is still missing, and spares it otherwise.
 """
 
+import json
 import shutil
+import sys
 import zipfile
-from collections.abc import Sequence
 from pathlib import Path
 
 from granbench.errors import ConfigurationError
-from granbench.generators.campaign import Job
+from granbench.generators.campaign_folder import RESULT_FILE
 from granbench.whole_file import whole_file
 
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """Date of every member, so that equal results give an equal archive."""
 
 
-def pack(jobs: Sequence[Job], campaign: Path, archive: Path) -> int:
+def pack(campaign: Path, archive: Path) -> int:
     """Write the final results of a campaign into a zip archive; return how many there are.
 
     Parameters
     ----------
-    jobs : of the campaign
     campaign : its folder
     archive : written whole or not at all
 
@@ -31,12 +34,12 @@ def pack(jobs: Sequence[Job], campaign: Path, archive: Path) -> int:
     ConfigurationError
         There is nothing to pack.
     """
-    needed = {need for job in jobs for need in job.needs}
-    folders = [
-        folder
-        for job in jobs
-        if job.key not in needed and (folder := campaign / "results" / job.slug).is_dir()
-    ]
+    described = {
+        path.parent: json.loads(path.read_text())
+        for path in (campaign / "results").glob(f"*/{RESULT_FILE}")
+    }
+    needed = {need for job in described.values() for need in job["needs"]}
+    folders = [folder for folder, job in described.items() if job["key"] not in needed]
     if not folders:
         raise ConfigurationError(f"{campaign} holds no finished result to pack; generate first")
     with (
@@ -76,3 +79,8 @@ def unpack(archive: Path, campaign: Path) -> int:
         (draft / name).replace(results / name)
     shutil.rmtree(draft)
     return len(new)
+
+
+if __name__ == "__main__":
+    action, source, target = sys.argv[1:]
+    print({"pack": pack, "unpack": unpack}[action](Path(source), Path(target)), "results")

@@ -7,7 +7,6 @@ out=${1:-demo-out}
 minutes=${TRAINING_MINUTES:-3}
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 board=leaderboard/submissions/dem-triaxial
-file=dem-triaxial-1.0.0.nc
 
 if [ -t 1 ]; then bold=$'\e[1m' plain=$'\e[0m'; else bold= plain=; fi
 title() { printf '\n%s%s%s\n' "$bold" "$1" "$plain"; }
@@ -28,7 +27,7 @@ fi
 
 title "2. The shipped dataset, fetched and verified"
 run granbench data fetch dem-triaxial --dest "$out"
-run granbench data verify "$out/$file"
+run granbench data verify "$out"/dem-triaxial-*.nc
 run granbench data info dem-triaxial
 
 title "3. An mLSTM, trained for $minutes minutes"

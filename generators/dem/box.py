@@ -27,6 +27,8 @@ SKIN_OVER_D50 = 0.1
 SMALLEST_VOID_RATIO = 0.05
 """Below it no packing of these grains exists: LIGGGHTS has lost contacts without an error."""
 
+CONTACT_MODEL = "model hertz tangential history rolling_friction epsd2"
+
 _FULL_ORDER = [0, 1, 2, 5, 4, 3]
 """LIGGGHTS gives xx, yy, zz, xy, xz, yz; the datasets' full order is xx, yy, zz, yz, xz, xy."""
 
@@ -178,21 +180,11 @@ class GrainBox:
 
     def contact_pairs(self) -> np.ndarray:
         """Return the numbers of the grains in contact, (contact, 2), from 0."""
-        area = self.engine.compute_scalar("contact_area")
-        if area == 0:
-            return np.zeros((0, 2), dtype=int)
-        count = round(area / self.engine.compute_scalar("contact_mean"))
-        return self.engine.compute_local("contacts", count, 4)[:, :2].astype(int) - 1
+        return self._contact_rows()[:, :2].astype(int) - 1
 
     def contact_forces(self) -> np.ndarray:
         """Return the force on the first grain of every pair of `contact_pairs`, (contact, 3), N."""
-        self.engine.command("compute forces all pair/gran/local id force")
-        # A new compute finds the contact model only in a set-up.
-        self.engine.run(0)
-        forces = self.engine.compute_local("forces", len(self.contact_pairs()), 6)[:, 3:]
-        self.engine.command("uncompute forces")
-        self._set_up_needed = True
-        return forces
+        return self._contact_rows()[:, 3:6]
 
     def kinetic_energy(self) -> float:
         """Translational kinetic energy of the motion relative to the affine one, J."""
@@ -218,6 +210,14 @@ class GrainBox:
         """End the engine."""
         self.engine.close()
 
+    def _contact_rows(self) -> np.ndarray:
+        """Both ids, a flag, the force (3) and the area of every contact, (contact, 7)."""
+        area = self.engine.compute_scalar("contact_area")
+        if area == 0:
+            return np.zeros((0, 7))
+        count = round(area / self.engine.compute_scalar("contact_mean"))
+        return self.engine.compute_local("contacts", count, 7)
+
     def _carry(self, edge_speeds: np.ndarray) -> None:
         """Give the grains the affine velocities of new edge speeds (3,), m/s, over the old ones."""
         change = self._affine_velocities(edge_speeds - self._edge_speeds)
@@ -238,7 +238,7 @@ class GrainBox:
             _pair_property("coefficientRestitution", material.restitution),
             _pair_property("coefficientFriction", friction),
             _pair_property("coefficientRollingFriction", material.rolling_friction),
-            "pair_style gran model hertz tangential history rolling_friction epsd2",
+            f"pair_style gran {CONTACT_MODEL}",
             "pair_coeff * *",
             f"timestep {self.time_step:.17g}",
             "fix integrate all nve/sphere",
@@ -246,9 +246,10 @@ class GrainBox:
             "thermo 1000000000",
             # Of the contact forces only, and without the sum over grains that stress/atom needs.
             "compute virial all pressure thermo_temp virial",
-            "compute contacts all pair/gran/local id contactArea",
-            "compute contact_area all reduce sum c_contacts[4]",
-            "compute contact_mean all reduce ave c_contacts[4]",
+            # LIGGGHTS takes one such compute only, and none after the first run.
+            "compute contacts all pair/gran/local id force contactArea",
+            "compute contact_area all reduce sum c_contacts[7]",
+            "compute contact_mean all reduce ave c_contacts[7]",
         )
 
     def _set_up(self) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granbench.errors import ConfigurationError, EngineError
+from granbench.generators.dem.box import CONTACT_MODEL
 from granbench.generators.dem.engine import Liggghts
 from granbench.generators.dem.material import ContactMaterial
 
@@ -20,9 +21,6 @@ Floats = NDArray[np.float64]
 
 STEPS_A_CONTACT = 800
 """Time steps in Hertz's contact time: the peak force is resolved to 1e-5, the time to 1/400."""
-
-CONTACT_MODEL = "model hertz tangential history rolling_friction epsd2"
-"""That of `GrainBox`."""
 
 
 @dataclass(frozen=True)
@@ -165,6 +163,7 @@ def _install(
     }
     engine.command(
         "units si",
+        "hard_particles yes",  # without it LIGGGHTS refuses moduli above 1 GPa
         "atom_style sphere",
         "atom_modify map array sort 0 0",
         "boundary f f f",
@@ -198,6 +197,4 @@ def _write_grains(path: Path, heights: Floats, radius: float, density: float) ->
     grains = "\n".join(
         f"{i} 1 {2 * radius:.17g} {density:.17g} 0 0 {z:.17g}" for i, z in enumerate(heights, 1)
     )
-    path.write_text(
-        f"grains\n\n{len(heights)} atoms\n2 atom types\n{edges}\n\nAtoms\n\n{grains}\n"
-    )
+    path.write_text(f"grains\n\n{len(heights)} atoms\n2 atom types\n{edges}\n\nAtoms\n\n{grains}\n")

@@ -69,8 +69,9 @@ def test_steep_impact_sticks_and_keeps_the_angular_momentum_about_the_contact(tm
     collision = on_the_plane(tmp_path, degrees)
     assert collision.impulse_ratio < 0.95 * ALUMINA.friction
     lost = SPEED * math.sin(math.radians(degrees)) - collision.velocity[0]
-    # 2/5 m r^2 w = m r dv, whatever the tangential force was.
-    assert abs(collision.spin[1]) * RADIUS == pytest.approx(5 / 2 * lost, rel=1e-3)
+    # 2/5 m r^2 w = m r dv, whatever the tangential force was; its arm is shorter by the overlap.
+    shorter = collision.overlap.max() / RADIUS
+    assert abs(collision.spin[1]) * RADIUS == pytest.approx(5 / 2 * lost, rel=shorter)
     energy = np.sum(collision.velocity**2) + 2 / 5 * (RADIUS * collision.spin[1]) ** 2
     assert energy < SPEED**2
 

@@ -1,0 +1,37 @@
+"""Triaxial jobs that go wrong, each in a way of its own."""
+
+from granbench.generators.dem import triaxial
+from granbench.generators.dem.box import GrainBox
+from granbench.generators.dem.jobs import failure_reason, shear
+
+__all__ = ["failure_reason", "held_too_loosely", "loses_a_grain", "stopped_by_the_engine"]
+
+
+def held_too_loosely(configuration, seed, inputs, out):
+    """A test that is asked for a servo no test can have."""
+    triaxial.LARGEST_SERVO_ERROR = 0.0
+    shear(configuration, seed, inputs, out)
+
+
+def loses_a_grain(configuration, seed, inputs, out):
+    """A test from whose box a grain vanishes, as LIGGGHTS lets them: without a word."""
+    _in_the_second_chunk("group last id 400", "delete_atoms group last")
+    shear(configuration, seed, inputs, out)
+
+
+def stopped_by_the_engine(configuration, seed, inputs, out):
+    """A test in which LIGGGHTS finds an error and ends the process."""
+    _in_the_second_chunk("fix nothing all no/such/style")
+    shear(configuration, seed, inputs, out)
+
+
+def _in_the_second_chunk(*commands):
+    strain, chunks = GrainBox.strain, []
+
+    def disturbed(box, increment, steps):
+        chunks.append(steps)
+        if len(chunks) == 2:
+            box.engine.command(*commands)
+        return strain(box, increment, steps)
+
+    GrainBox.strain = disturbed

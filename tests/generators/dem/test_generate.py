@@ -1,0 +1,187 @@
+"""One small campaign from end to end: its data, its continuation, and what it refuses."""
+
+import dataclasses
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from granbench.errors import EngineError, RegistryError
+from granbench.generators.dem import engine
+from granbench.generators.dem import generate as generate_module
+from granbench.generators.dem.generate import generate
+from granbench.generators.dem.jobs import campaign_jobs
+from granbench.generators.dem.triaxial import (
+    LARGEST_INERTIAL_NUMBER,
+    LARGEST_RATIO_ERROR,
+    LARGEST_SERVO_ERROR,
+    stress_tensor,
+)
+from granbench.records import open_records, validate_records, verify
+
+TESTS = [
+    f"mono-f{friction}-r0/{number}"
+    for friction in ("0.000", "0.300")
+    for number in ("00-constant-p", "01-cyclic", "02-random-strain")
+]
+
+
+def quietly(out, **options):
+    return generate("smoke", out, progress="quiet", **options)
+
+
+def result_of(out, test):
+    return out / "campaign" / "results" / test.replace("/", "__")
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory):
+    """Folder of a finished smoke campaign, its dataset and its report; only to be read."""
+    out = tmp_path_factory.mktemp("smoke")
+    path, report = quietly(out)
+    return out, path, report
+
+
+@pytest.fixture
+def own(finished, tmp_path):
+    """A copy of the finished campaign's folder."""
+    return Path(shutil.copytree(finished[0], tmp_path / "own"))
+
+
+@pytest.fixture
+def dataset(finished):
+    with open_records(finished[1]) as ds:
+        yield ds.load()
+
+
+def test_every_job_of_the_smoke_campaign_succeeds(finished):
+    _, _, report = finished
+    assert report.failed == {} and report.skipped == ()
+    assert sorted(key for key in report.done if key in TESTS) == TESTS
+    assert len(report.done) == len(TESTS) + 2
+
+
+def test_dataset_is_valid_sealed_and_says_how_it_was_made(finished, dataset):
+    _, path, _ = finished
+    validate_records(dataset, str(path))
+    verify(dataset, str(path))
+    assert list(dataset.path_id.values) == TESTS
+    assert dataset.sizes["step"] == 61 and dataset.attrs["planned_paths"] == len(TESTS)
+    configuration = json.loads(dataset.attrs["configuration"])
+    assert configuration["preset"]["particle_count"] == 400
+    assert configuration["material"]["young_modulus"] == 0.8e9
+    assert dataset.attrs["engine_version"].startswith("3.")
+
+
+def test_every_path_keeps_the_limits_of_the_dataset(dataset):
+    assert dataset.servo_error_rms.max() <= LARGEST_SERVO_ERROR
+    held = dataset.intermediate_stress_ratio.notnull()
+    assert held.sum() == 2
+    assert dataset.stress_ratio_error_rms[held].max() <= LARGEST_RATIO_ERROR
+    assert dataset.stress_ratio_error_rms[~held].isnull().all()
+    assert 0 < dataset.peak_inertial_number.max() <= LARGEST_INERTIAL_NUMBER
+    # Per record the largest of its chunks, so that of the path is the largest of the records.
+    np.testing.assert_allclose(
+        dataset.inertial_number.max("step"), dataset.peak_inertial_number, rtol=1e-6
+    )
+    both = np.concatenate([dataset.stress, dataset.shear_stress], axis=-1)
+    assert np.linalg.eigvalsh(stress_tensor(both)).min() > 0
+
+
+def test_void_ratio_follows_the_volumetric_strain(dataset):
+    """(1 + e) = (1 + e0) exp(-eps_v): the grains themselves keep their volume."""
+    strain = dataset.strain.sum("component").astype(float)
+    start = 1 + dataset.void_ratio.isel(step=0).astype(float)
+    # Float32 rounding of e and of three strains up to 0.1.
+    np.testing.assert_allclose(
+        1 + dataset.void_ratio.astype(float), start * np.exp(-strain), rtol=3e-7
+    )
+    # A restart file holds the box edges one time step ahead of the state that it is written for.
+    np.testing.assert_allclose(
+        dataset.void_ratio.isel(step=0), dataset.initial_void_ratio, rtol=1e-5
+    )
+
+
+def test_paths_start_isotropic_at_their_pressure(dataset):
+    start = dataset.stress.isel(step=0)
+    np.testing.assert_allclose(
+        start, np.repeat(dataset.initial_mean_stress.values[:, None], 3, axis=1), rtol=0.01
+    )
+    np.testing.assert_array_equal(dataset.strain.isel(step=0), 0.0)
+    np.testing.assert_allclose(
+        dataset.fabric.isel(fabric_component=[0, 1, 2]).sum("fabric_component"), 1.0, atol=1e-5
+    )
+
+
+def test_frictionless_preparation_is_denser_and_peaks_higher(dataset):
+    dense, loose = (dataset.sel(path=dataset.preparation_friction == mu) for mu in (0.0, 0.3))
+    assert dense.initial_void_ratio.max() < loose.initial_void_ratio.min() - 0.1
+    assert (
+        dense.coordination_number.isel(step=0).min() > loose.coordination_number.isel(step=0).max()
+    )
+    q_over_p = [
+        float((s[:, 0] - s[:, 2]).max() / 0.5e6)
+        for s in (ds.stress.isel(path=0).values for ds in (dense, loose))
+    ]
+    assert q_over_p[0] > 1.2 * q_over_p[1]
+
+
+def test_running_again_continues_without_a_job_and_gives_the_same_file(own, finished):
+    _, path, report = finished
+    (own / path.name).unlink()
+    same_path, again = quietly(own)
+    assert set(again.skipped) == set(report.done) and not again.failed
+    with open_records(path) as first, open_records(same_path) as second:
+        assert first.attrs["content_sha256"] == second.attrs["content_sha256"]
+
+
+def test_one_test_run_twice_gives_the_same_bits(own):
+    result = result_of(own, TESTS[1])
+    before = (result / "record.npz").read_bytes()
+    shutil.rmtree(result)
+    _, report = quietly(own)
+    assert len(report.skipped) == len(report.done) - 1
+    assert (result / "record.npz").read_bytes() == before
+
+
+def test_what_fails_is_recorded_with_its_reason_and_is_not_in_the_data(own, monkeypatch):
+    broken = {
+        TESTS[0]: ("held_too_loosely", "servo error .* RMS > 0%"),
+        TESTS[2]: ("loses_a_grain", "1 of 400 grains left the box"),
+        TESTS[4]: ("stopped_by_the_engine", "ERROR.*no/such/style"),
+    }
+
+    def jobs(preset, plans):
+        return [
+            dataclasses.replace(job, function=f"broken_tests:{broken[job.key][0]}")
+            if job.key in broken
+            else job
+            for job in campaign_jobs(preset, plans)
+        ]
+
+    monkeypatch.setattr(generate_module, "campaign_jobs", jobs)
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    for test in broken:
+        shutil.rmtree(result_of(own, test))
+    path, report = quietly(own)
+    assert set(report.failed) == set(broken)
+    for test, (_, reason) in broken.items():
+        assert re.search(reason, report.failed[test])
+    with open_records(path) as ds:
+        assert list(ds.path_id.values) == [test for test in TESTS if test not in broken]
+        assert ds.attrs["planned_paths"] == len(TESTS)
+
+
+def test_missing_engine_is_one_sentence_with_its_remedy(tmp_path, monkeypatch):
+    monkeypatch.setattr(engine, "LIBRARY", "libno-such-engine.so.3")
+    with pytest.raises(EngineError, match=r"libno-such-engine\.so\.3 .*: apt-get install liggghts"):
+        quietly(tmp_path)
+    assert not (tmp_path / "campaign").exists()
+
+
+def test_unknown_preset_names_the_known_ones(tmp_path):
+    with pytest.raises(RegistryError, match="smoke, preview, core, paper"):
+        generate("huge", tmp_path)
