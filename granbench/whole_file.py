@@ -29,11 +29,12 @@ def whole_file(
         The given one, naming the file and the remedy; nothing is left behind then.
     """
     partial = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.part")
+    causes: tuple[type[Exception], ...] = (OSError, *also)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield partial
         os.replace(partial, path)
-    except (OSError, *also) as problem:
+    except causes as problem:
         raise error(
             f"{path}: cannot be written ({_reason(problem, path.parent, size)}); choose a folder "
             "that is writable and has free space"

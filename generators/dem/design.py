@@ -1,11 +1,12 @@
 """Which specimens are prepared, how each is loaded, and which split it belongs to.
 
 The loading design is a lattice: specimen (g, m) - grading g, preparation friction m - takes the
-pressure level g + 2m + s and the ratio level 2g + m + t (both modulo 5), with shifts s and t of
-its own for each loading. The map is one-to-one on the 5 x 5 levels, so every block of five
-gradings by five frictions meets each of the 25 (p0, b) pairs exactly once in each family: a
-rank-2 lattice, space-filling over (p0, b, family) without a random draw. The densest and the
-loosest specimens leave the lattice with their first test (see `ANCHOR_PRESSURE`).
+pressure level g + 2m + s and the ratio level 2g + m + s (both modulo 5), with a shift s of its own
+for each numbered loading. The map is one-to-one on the 5 x 5 levels, so a block of five gradings by
+five frictions has each of the 25 (p0, b) pairs once: a rank-2 lattice, even over (p0, b) without a
+random draw. The two monotonic families alternate along it; gradings that are not tested closely
+skip it at every second friction, and the densest and the loosest specimens leave it with their
+first test (see `ANCHOR_PRESSURE`). What holds in the end is in `tests/generators/dem/test_design.py`.
 """
 
 from collections.abc import Iterator

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter, NullLocator
 
 from granbench.errors import DatasetError
 from granbench.observations import (
@@ -132,6 +132,10 @@ def critical_state_figure(records: xr.Dataset) -> Figure:
             grid = np.geomspace(pressure.min(), pressure.max(), 50)
             axis.plot(grid / 1e6, line.void_ratio(grid), color=colour, linewidth=1.0)
     axis.set_xscale("log")
+    # Less than a decade is usual: powers of ten alone would leave one label, all digits a blot.
+    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axis.xaxis.set_minor_formatter(NullFormatter())
     axis.set(xlabel="mean stress $p$ [MPa]", ylabel=VOID_RATIO, title="Critical state")
     axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), title="grading")
     return figure

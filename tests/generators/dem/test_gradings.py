@@ -89,7 +89,8 @@ def test_number_and_solid_volume_are_those_of_the_equal_spheres(name, particle_c
 
 
 def test_grading_index_grows_with_the_fractal_dimension():
-    index = [realise(name).grading_index for name in BETAS_RISING]
+    # At one ratio of largest to smallest size; that of beta = 2.9 is smaller (Table 2.1).
+    index = [realise(name).grading_index for name in BETAS_RISING[:-1]]
     assert all(a < b for a, b in itertools.pairwise(index))
 
 
