@@ -6,7 +6,7 @@ for each numbered loading. The map is one-to-one on the 5 x 5 levels, so a block
 five frictions has each of the 25 (p0, b) pairs once: a rank-2 lattice, even over (p0, b) without a
 random draw. The two monotonic families alternate along it; gradings that are not tested closely
 skip it at every second friction, and the densest and the loosest specimens leave it with their
-first test (see `ANCHOR_PRESSURE`). What holds in the end is in `tests/generators/dem/test_design.py`.
+first test (see `ANCHOR_PRESSURE`).
 """
 
 from collections.abc import Iterator
