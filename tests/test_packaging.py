@@ -144,7 +144,7 @@ def test_no_two_test_files_share_a_name() -> None:
 
 
 LAYERS = (
-    ("errors", "tensors"),
+    ("errors", "tensors", "whole_file"),
     ("cell", "schema", "records"),
     ("observations", "baseline", "predictions"),
     ("plotting", "paths"),

@@ -67,8 +67,11 @@ def is_alive(process: int) -> bool:
 def campaign_command(shared: Path, folder: Path, **options) -> Iterator[subprocess.Popen]:
     """A process of its own that runs the waiting jobs."""
     program = f"""
+        import signal
         from pathlib import Path
         from campaign_support import quiet, waiting_jobs
+        # A shell that runs the tests in the background has Ctrl-C ignored, here too.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         quiet(waiting_jobs(Path({str(shared)!r})), Path({str(folder)!r}), **{options!r})
     """
     command = subprocess.Popen(
