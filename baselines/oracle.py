@@ -31,6 +31,11 @@ class OracleCell(MaterialCell):
     internals = ("void_ratio",)
 
     def __init__(self, records: xr.Dataset) -> None:
+        if "void_ratio" not in records:
+            raise ModelError(
+                "the oracle knows stress and void ratio, but the dataset has no variable "
+                "'void_ratio'; use a dataset that has it"
+            )
         truth = [records["stress"].values, records["void_ratio"].values[..., None]]
         self._truth = torch.from_numpy(np.concatenate(truth, axis=-1).astype(np.float64))
         self._row_of = {path_key(name): row for row, name in enumerate(records["path_id"].values)}

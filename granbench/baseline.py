@@ -157,7 +157,7 @@ def load_cell(model: str | Path, records: xr.Dataset) -> MaterialCell:
     """
     folder = Path(model)
     if (folder / DESCRIPTION_FILE).is_file():
-        return find_baseline(_architecture(folder / DESCRIPTION_FILE)).load(folder, records)
+        return find_baseline(architecture(folder)).load(folder, records)
     if folder.exists():
         raise ModelError(
             f"{folder}: holds no {DESCRIPTION_FILE}; give the folder that `granbench train` wrote"
@@ -171,7 +171,15 @@ def load_cell(model: str | Path, records: xr.Dataset) -> MaterialCell:
     return baseline.load(None, records)
 
 
-def _architecture(path: Path) -> str:
+def architecture(folder: Path) -> str:
+    """Name of the baseline that a trained model's folder holds.
+
+    Raises
+    ------
+    ModelError
+        If the model's description is damaged.
+    """
+    path = folder / DESCRIPTION_FILE
     try:
         return str(json.loads(path.read_text())["baseline"])
     except (OSError, ValueError, KeyError, TypeError) as error:

@@ -12,7 +12,7 @@ from typing import Any
 
 import xarray as xr
 
-from granbench.baseline import DESCRIPTION_FILE, Baseline, find_baseline, load_cell
+from granbench.baseline import DESCRIPTION_FILE, Baseline, architecture, find_baseline, load_cell
 from granbench.cell import MaterialCell
 from granbench.errors import ConfigurationError, GranbenchError, ModelError
 
@@ -83,7 +83,7 @@ def find_candidate(
         return Candidate(next(iter(cells.values())).name, cells)
     if not folders and (Path(model) / DESCRIPTION_FILE).is_file():
         folders = [Path(model)]
-        model = str(_description(folders[0]).get("baseline"))
+        model = architecture(folders[0])
     if not folders:
         cell = load_cell(model, records)
         return Candidate(

@@ -196,8 +196,9 @@ def open_records(
         with path.open("rb") as file:
             head = file.read(8)
         if not head.startswith(_SIGNATURES):
+            what = f"it begins with {head!r}" if head else "it is empty"
             raise DatasetError(
-                f"{path}: is not a netCDF file (it begins with {head!r}); give a file of "
+                f"{path}: is not a netCDF file ({what}); give a file of "
                 "stress-strain records, or fetch it again"
             )
         ds = xr.open_dataset(path, engine="netcdf4", chunks=chunks)

@@ -55,6 +55,11 @@ def validate(path: Path, dataset: xr.Dataset | None = None) -> Submission:
             f"{path}: every error is exactly zero, which only the truth itself can be; submit "
             "what a model predicts, or set role to 'ceiling'"
         )
+    if submission.role == "ceiling" and not card.perfect:
+        raise SubmissionError(
+            f"{path}: role is 'ceiling', but its errors are not zero; a ceiling is shown the "
+            "truth: set role to 'model'"
+        )
     return submission.model_copy(update={"badge": "rescored"})
 
 

@@ -80,7 +80,7 @@ def evaluate(
 ) -> None:
     """Score a model on every axis of a task and write its submission and predictions."""
     from granbench.candidate import find_candidate
-    from granbench.data.store import file_of
+    from granbench.data.verification import task_file
     from granbench.leaderboard.composition import check_target, compose
     from granbench.leaderboard.submission import About, read_submission
     from granbench.predictions import AXES, evaluated, protocols_of
@@ -92,7 +92,7 @@ def evaluate(
     protocols = protocols_of(axes)
     check_target(out)
     others = [read_submission(path) for path in against or ()]
-    with open_records(file_of(task)) as records:
+    with open_records(task_file(task)) as records:
         candidate = find_candidate(model, records, folders=model_dir or (), seeds=numbers)
         about = About.checked(
             name=name or candidate.name,

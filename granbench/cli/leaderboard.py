@@ -29,7 +29,7 @@ def add(
     quiet: Quiet = False,
 ) -> None:
     """Validate a submission and copy it, with its predictions, onto the board."""
-    from granbench.data.store import file_of
+    from granbench.data.verification import task_file
     from granbench.leaderboard.board import accept, default_folder
     from granbench.records import open_records
 
@@ -37,7 +37,7 @@ def add(
     if dataset is None:
         target = accept(file, folder, replace=replace)
     else:
-        with open_records(file_of(dataset)) as records:
+        with open_records(task_file(dataset)) as records:
             target = accept(file, folder, records, replace=replace)
     if as_json:
         typer.echo(json.dumps({"accepted": str(target), "badge": "rescored"}, indent=2))

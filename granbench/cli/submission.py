@@ -27,14 +27,14 @@ def validate(
     file: File, dataset: Dataset = None, as_json: Json = False, quiet: Quiet = False
 ) -> None:
     """Score a submission again from its predictions; refuse what they do not bear out."""
-    from granbench.data.store import file_of
+    from granbench.data.verification import task_file
     from granbench.leaderboard.validation import validate as check
     from granbench.records import open_records
 
     if dataset is None:
         checked = check(file)
     else:
-        with open_records(file_of(dataset)) as records:
+        with open_records(task_file(dataset)) as records:
             checked = check(file, records)
     scored = sum(score.status == "scored" for score in checked.scores)
     if as_json:

@@ -55,14 +55,14 @@ def train(
     import torch
 
     from granbench.baseline import DESCRIPTION_FILE, TrainingRequest, find_baseline
-    from granbench.data.store import file_of
+    from granbench.data.verification import task_file
     from granbench.records import open_records
 
     model = find_baseline(baseline)
     # One by default: the bits of a result depend on the number of threads, and threads that
     # wait for a busy core made an epoch twenty times slower.
     torch.set_num_threads(threads)
-    with open_records(file_of(task)) as records, _epoch_bar(baseline, quiet) as show:
+    with open_records(task_file(task)) as records, _epoch_bar(baseline, quiet) as show:
         folder = model.train(
             TrainingRequest(
                 records=records,

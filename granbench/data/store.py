@@ -123,6 +123,8 @@ def file_of(name_or_file: str, progress: Progress | None = None) -> Path:
     path = Path(name_or_file)
     if path.is_file():
         return path
+    if path.is_dir():
+        raise DatasetError(f"{name_or_file}: is a folder; give a netCDF file in it")
     if not REGISTERED_NAME.fullmatch(name_or_file):
         raise DatasetError(
             f"{name_or_file}: there is no such file; give a netCDF file or a name of "

@@ -4,8 +4,29 @@ from pathlib import Path
 
 from granbench.data.registry import RegistryEntry, entries
 from granbench.data.splits import split_hash
+from granbench.data.store import Progress, file_of
 from granbench.errors import DatasetError
 from granbench.records import open_records, verify
+
+
+def task_file(name_or_file: str, progress: Progress | None = None) -> Path:
+    """The checked file of a task: what a model is trained or scored on is what it says it is.
+
+    Parameters
+    ----------
+    name_or_file : as for `file_of`; a file of the user's is verified whole, a registered
+        dataset's was checked when it was fetched
+    progress : called while a file is fetched
+
+    Raises
+    ------
+    GranbenchError
+        See `file_of` and `verify_file`.
+    """
+    path = file_of(name_or_file, progress)
+    if Path(name_or_file).is_file():
+        verify_file(path)
+    return path
 
 
 def verify_file(path: Path) -> RegistryEntry | None:

@@ -3,10 +3,12 @@
 import json
 
 import pytest
+import xarray as xr
 
 from granbench.cli import main
 from granbench.leaderboard.submission import read_submission
 from granbench.predictions import open_predictions
+from granbench.records import write_records
 
 MODEL = """
 import torch
@@ -214,3 +216,30 @@ def test_a_trained_baseline_brings_its_seed_and_what_it_was_trained_on(granbench
                       "--model-dir", "run"), "not all different")  # fmt: skip
     refused(granbench("evaluate", "lstm", "--task", task, "--model-dir", "run",
                       "--seeds", "1,2"), "one for each")  # fmt: skip
+
+
+def test_a_file_that_differs_from_its_hashes_is_neither_trained_on_nor_scored(
+    granbench, records_file, tmp_path
+):
+    altered = tmp_path / "altered.nc"
+    with xr.open_dataset(records_file) as records:
+        changed = records.load().copy(deep=True)
+    changed["stress"][0, 3, 0] += 1.0
+    changed.to_netcdf(altered)
+    refused(granbench("evaluate", "oracle", "--task", altered, "--out", "o.json"), "stress")
+    refused(granbench("train", "mlstm", "--task", altered, "--out", "m", "--epochs", "1"), "stress")
+    assert sorted(file.name for file in tmp_path.iterdir()) == [
+        "altered.nc",
+        "synthetic.nc",
+    ]
+
+
+def test_the_oracle_says_what_it_needs(granbench, records, tmp_path):
+    write_records(records.drop_vars("void_ratio"), tmp_path / "dry.nc")
+    refused(granbench("evaluate", "oracle", "--task", "dry.nc", "--out", "o.json"), "void_ratio")
+
+
+def test_a_damaged_model_description_is_named(granbench, task, tmp_path):
+    (tmp_path / "model").mkdir()
+    (tmp_path / "model" / "model.json").write_text("{")
+    refused(granbench("evaluate", "model", "--task", task, "--out", "m.json"), "model.json")

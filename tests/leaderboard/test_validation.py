@@ -43,6 +43,9 @@ def test_who_is_never_wrong_is_the_ceiling(submission_file, sealed):
     claimed = changed(submission_file("oracle"), lambda c: c.update(role="model"))
     with pytest.raises(SubmissionError, match="exactly zero"):
         validate(claimed, sealed)
+    claimed = changed(submission_file("secant"), lambda c: c.update(role="ceiling"))
+    with pytest.raises(SubmissionError, match="not zero"):
+        validate(claimed, sealed)
 
 
 def test_reading_and_writing_change_nothing(submission_file, tmp_path):
