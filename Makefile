@@ -57,7 +57,7 @@ docs: setup
 	@for file in datasets/*.nc; do $(BIN)/python -m granbench.data.card $$file --out docs/datasets; done
 	@$(BIN)/python docs/readme_scores.py
 
-# Continues the core campaign from the results that were committed so far (two hours on two cores
+# Continues the core campaign from the results that were committed so far (hours on two cores
 # from nothing). Run it again after an interruption.
 CORE ?= campaigns/core
 core: setup
