@@ -27,7 +27,6 @@ from granbench.errors import ConfigurationError, EngineError
 from granbench.generators import workers
 from granbench.generators.campaign import Job
 
-pytest.importorskip("distributed")
 pytestmark = pytest.mark.usefixtures("toy_jobs")
 
 

@@ -17,11 +17,12 @@ from granbench.leaderboard.build import build
 from granbench.leaderboard.submission import read_submission
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
-pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="needs chromium and chromedriver")
 
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory) -> Iterator[webdriver.Chrome]:
+    if not (CHROMIUM and DRIVER):
+        pytest.fail("chromium and chromedriver are missing: run `make browser`")
     options = webdriver.ChromeOptions()
     options.binary_location = CHROMIUM
     for flag in (
