@@ -57,12 +57,10 @@ docs: setup
 	@for file in datasets/*.nc; do $(BIN)/python -m granbench.data.card $$file --out docs/datasets; done
 	@$(BIN)/python docs/readme_scores.py
 
-# Continues the core campaign from the results that were committed so far (hours on two cores
-# from nothing). Run it again after an interruption.
+# Generates the core dataset anew: about two hours on two cores. Run it again after an
+# interruption; it continues.
 CORE ?= campaigns/core
 core: setup
-	@for part in datasets/campaigns/dem-triaxial-*.zip; do \
-	    $(BIN)/python -m granbench.generators.pieces unpack $$part $(CORE)/campaign; done
 	$(BIN)/granbench generate dem-triaxial --preset core --workers 2 --out $(CORE)
 
 clean:

@@ -25,7 +25,8 @@ from rich.table import Table
 from granbench.generators.campaign import run_campaign
 from granbench.generators.dem.box import GrainBox
 from granbench.generators.dem.design import TriaxialPreset, planned_tests
-from granbench.generators.dem.gradings import GRADINGS, realise_grading
+from granbench.generators.dem.diameters import realise_grading
+from granbench.generators.dem.gradings import GRADINGS
 from granbench.generators.dem.jobs import campaign_jobs
 from granbench.generators.dem.preparation import PreparedSpecimen, prepare_specimen
 from granbench.generators.dem.triaxial import run_test

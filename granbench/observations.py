@@ -1,8 +1,10 @@
 """What a soil mechanician reads off records: peak, critical state, tests worth comparing.
 
-Every function takes records in the `principal` order and is free of files and figures.
+Every function that looks at strain or stress takes records in the `principal` order; all are
+free of files and figures.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,6 +79,33 @@ class CriticalStateLine:
         return self.intercept - self.slope * scaled
 
 
+def initial_void_ratio_at(records: xr.Dataset, pressure: float) -> xr.DataArray:
+    """Initial void ratio that each path of one grading would have at another mean stress.
+
+    A specimen is loaded from several consolidation pressures, and others from others: to compare
+    preparations, e0 is moved along e0 = c - slope (p0/p_a)^0.7, with the slope that fits the
+    pairs of pressures *within* specimens best, one for all.
+
+    Parameters
+    ----------
+    records : paths of one grading
+    pressure : mean stress to compare at, Pa
+
+    Returns
+    -------
+    (path,), dimensionless
+    """
+    scaled = (records["initial_mean_stress"] / ATMOSPHERIC_PRESSURE) ** PRESSURE_EXPONENT
+    void_ratio = records["initial_void_ratio"]
+    specimen = records["specimen"]
+    x = scaled - scaled.groupby(specimen).mean().sel(specimen=specimen).values
+    y = void_ratio - void_ratio.groupby(specimen).mean().sel(specimen=specimen).values
+    squares = float((x**2).sum())
+    slope = float((x * y).sum()) / squares if squares > 0.0 else 0.0
+    reference = (pressure / ATMOSPHERIC_PRESSURE) ** PRESSURE_EXPONENT
+    return void_ratio - slope * (scaled - reference)
+
+
 def stress_ratio(records: xr.Dataset) -> NDArray[np.float64]:
     """q/p at every step, (path, step)."""
     stress = records["stress"].values.astype(np.float64)
@@ -90,6 +119,23 @@ def select(records: xr.Dataset, **wanted: object) -> xr.Dataset:
         values = value if isinstance(value, tuple) else (value,)
         chosen &= np.isin(records[name].values, values)
     return records.isel(path=np.flatnonzero(chosen))
+
+
+def named_paths(records: xr.Dataset, names: Sequence[str]) -> xr.Dataset:
+    """The paths of the given names (`path_id`).
+
+    Raises
+    ------
+    DatasetError
+        If one of them is not in the records.
+    """
+    known = records["path_id"].values.astype(str)
+    if missing := sorted(set(names) - set(known)):
+        raise DatasetError(
+            f"{records.attrs.get('dataset', 'the dataset')} has no path {missing[0]!r}; "
+            "list them with `granbench data info`"
+        )
+    return select(records, path_id=tuple(names))
 
 
 def strained(records: xr.Dataset, axial_strain: float = CRITICAL_STRAIN) -> xr.Dataset:

@@ -26,6 +26,7 @@ from granbench.leaderboard.tables import (
 from granbench.predictions import PROTOCOLS
 from granbench.scoring import METRIC_VERSION
 from granbench.scoring.scorecard import ALL
+from granbench.whole_file import cannot_write
 
 STATIC_FILES = ("board.css", "board.js")
 BOARD_FILE = "leaderboard.json"
@@ -64,10 +65,7 @@ def build(
         _render(boards, partial, scatter)
         _swap(partial, out)
     except OSError as error:
-        raise ConfigurationError(
-            f"cannot write the site to {out} ({error.strerror or error}); choose a folder that "
-            "is writable and has free space"
-        ) from error
+        raise ConfigurationError(f"the site: {cannot_write(out, error)}") from error
     finally:
         shutil.rmtree(partial, ignore_errors=True)
     return out / "index.html"

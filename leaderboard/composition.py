@@ -21,6 +21,7 @@ from granbench.leaderboard.submission import (
 )
 from granbench.predictions import evaluated, open_predictions, write_predictions
 from granbench.scoring import METRIC_VERSION, score
+from granbench.whole_file import cannot_write
 
 
 def check_target(out: Path) -> Path:
@@ -46,10 +47,7 @@ def check_target(out: Path) -> Path:
         with tempfile.TemporaryFile(dir=out.parent):
             pass
     except OSError as error:
-        raise ConfigurationError(
-            f"--out {out} cannot be written ({error.strerror or error}); choose a folder that is "
-            "writable and has free space"
-        ) from error
+        raise ConfigurationError(f"--out {cannot_write(out, error)}") from error
     return out.with_suffix(".nc")
 
 
@@ -83,10 +81,7 @@ def compose(predictions: xr.Dataset, dataset: xr.Dataset, about: About, out: Pat
             os.replace(file, final)
             os.replace(text, out)
     except OSError as error:
-        raise SubmissionError(
-            f"cannot write {out} ({error.strerror or error}); choose a folder that is writable "
-            "and has free space"
-        ) from error
+        raise SubmissionError(cannot_write(out, error)) from error
     return submission
 
 

@@ -168,6 +168,10 @@ def read_submission(path: Path) -> Submission:
         ) from error
     except RecursionError as error:
         raise SubmissionError(f"{path} is nested too deeply to be a submission") from error
+    if not isinstance(content, dict):
+        raise SubmissionError(
+            f"{path} holds no JSON object; give the file that `granbench evaluate` wrote"
+        )
     try:
         return Submission.model_validate(content)
     except ValidationError as error:
@@ -240,5 +244,7 @@ def first_complaint(error: ValidationError) -> str:
     first = error.errors()[0]
     place = ".".join(str(part) for part in first["loc"])
     message = first["msg"].removeprefix("Value error, ")
+    if first["type"] in ("model_type", "dict_type"):  # pydantic speaks of Python here
+        message = "must be a JSON object"
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     return f"field {place}: {message}{more}" if place else f"{message}{more}"

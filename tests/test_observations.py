@@ -12,6 +12,7 @@ from granbench.observations import (
     CriticalStateLine,
     comparable_compressions,
     critical_states,
+    initial_void_ratio_at,
     matsuoka_nakai_ratio,
     peak_stresses,
     principal_stress,
@@ -92,3 +93,30 @@ def test_critical_states_come_from_fully_strained_monotonic_tests(records: xr.Da
     last = strained(records)["void_ratio"].isel(step=-1).values
     # One averaged step in 41: the mean is the last value.
     assert states["void_ratio"].values == pytest.approx(last, abs=5e-3)
+
+
+def test_initial_void_ratios_of_one_compression_line_agree_at_one_pressure() -> None:
+    # Two specimens, each at two pressures of its own, on parallel lines: exact.
+    pressure = np.array([0.1e6, 1e6, 2e6, 4e6])
+    dense, slope = np.array([0.0, 0.0, 0.2, 0.2]), 0.01
+    void_ratio = 0.7 - dense - slope * (pressure / ATMOSPHERIC_PRESSURE) ** 0.7
+    records = xr.Dataset(
+        coords={
+            "specimen": ("path", ["a", "a", "b", "b"]),
+            "initial_mean_stress": ("path", pressure),
+            "initial_void_ratio": ("path", void_ratio),
+        }
+    )
+    compared = initial_void_ratio_at(records, ATMOSPHERIC_PRESSURE)
+    np.testing.assert_allclose(compared, [0.69, 0.69, 0.49, 0.49], rtol=1e-12)
+
+
+def test_a_single_pressure_leaves_the_initial_void_ratio_as_it_is() -> None:
+    records = xr.Dataset(
+        coords={
+            "specimen": ("path", ["a", "b"]),
+            "initial_mean_stress": ("path", [1e6, 1e6]),
+            "initial_void_ratio": ("path", [0.5, 0.7]),
+        }
+    )
+    np.testing.assert_array_equal(initial_void_ratio_at(records, 1e6), [0.5, 0.7])

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from granbench.errors import EngineError
+from granbench.generators.dem.chunk_average import ChunkAverage
 from granbench.generators.dem.engine import Liggghts
 from granbench.generators.dem.material import ContactMaterial
 
@@ -71,9 +72,7 @@ class GrainBox:
         self._set_up_needed = True
         self._installed = False
         self._step = engine.current_step()
-        self._every = 10
-        self._samples = 0
-        self._sampled = np.zeros(6)
+        self._stress = ChunkAverage(engine, "stress", [f"c_virial[{i + 1}]" for i in range(6)])
         self._edge_speeds = np.zeros(3)
         self._install(friction, SKIN_OVER_D50 * _mass_median(diameters))
         self.radii = engine.radii()
@@ -122,13 +121,13 @@ class GrainBox:
 
     def sample_every(self, steps: int) -> None:
         """Sample the stress every `steps` steps; chunks are whole multiples of it."""
-        if steps != self._every:
-            self._every = steps
+        if steps != self._stress.interval:
+            self._stress.interval = steps
             self._set_up_needed = True
 
     def whole_chunk(self, steps: float) -> int:
         """Return the smallest number of steps, at least `steps`, that a chunk may have."""
-        return max(1, math.ceil(steps / self._every - 1e-9)) * self._every
+        return self._stress.whole_chunk(steps)
 
     def strain(self, increment: Sequence[float] | np.ndarray, steps: int) -> np.ndarray:
         """Strain the box by a logarithmic increment (3,), compression positive, in `steps`.
@@ -147,18 +146,17 @@ class GrainBox:
         lengths = self.lengths
         speeds = lengths * np.expm1(-np.asarray(increment, dtype=float)) / steps
         self._carry(speeds / self.time_step)
-        # The edges are moved at the end of a step, so the grains meet those of the step before;
-        # one step ahead, they fit the grains, and no contact across a face jumps at a reversal.
+        # The edges are moved at the end of a step, so the grains meet those of the step before.
+        # One step ahead, they fit the grains at every step of a chunk but its first: there they
+        # have moved at the speeds of the chunk before, and contacts across a face are off by one
+        # time step of the change of speed.
         ahead = self._step - 1
         for axis, length, start, speed in zip("xyz", lengths, self._start, speeds, strict=True):
             self.engine.command(
                 f"variable d{axis} equal {length - start:.17g}+({speed:.17g})*(step-{ahead})",
                 f"variable v{axis} equal {speed / self.time_step:.17g}",
             )
-        count = steps // self._every
         if self._set_up_needed:
-            # A set-up at a multiple of the interval takes a sample before the first step.
-            count += self._step % self._every == 0
             self.engine.run(steps)
             self._set_up_needed = False
         else:
@@ -166,7 +164,7 @@ class GrainBox:
         self._step += steps
         self.lengths = lengths + speeds * steps
         self._require_sound()
-        return self._chunk_stress(count)
+        return self._stress.of_chunk(steps)[_FULL_ORDER]
 
     @property
     def volume(self) -> float:
@@ -255,26 +253,17 @@ class GrainBox:
     def _set_up(self) -> None:
         """Renew the fixes that remember a start, so that the run's set-up finds them fresh."""
         if self._installed:
-            self.engine.command("unfix edges", "unfix stress")
+            self.engine.command("unfix edges")
+            self._stress.stop()
         self._installed = True
         self._start = self.engine.box_lengths()
         for axis in "xyz":
             self.engine.command(f"variable d{axis} equal 0", f"variable v{axis} equal 0")
         self.engine.command(
             "fix edges all deform 1 x variable v_dx v_vx y variable v_dy v_vy "
-            "z variable v_dz v_vz remap v",
-            f"fix stress all ave/time {self._every} 1 {self._every} "
-            + " ".join(f"c_virial[{i + 1}]" for i in range(6))
-            + " ave running",
+            "z variable v_dz v_vz remap v"
         )
-        self._samples = 0
-        self._sampled = np.zeros(6)
-
-    def _chunk_stress(self, count: int) -> np.ndarray:
-        before = self._samples * self._sampled
-        self._sampled = self.engine.fix_vector("stress", 6)
-        self._samples += count
-        return ((self._samples * self._sampled - before) / count)[_FULL_ORDER]
+        self._stress.start(self._step)
 
     def _require_sound(self) -> None:
         count = self.engine.grain_count()

@@ -116,16 +116,6 @@ PRESETS = {
         monotonic_strain=0.1,
         records=60,
     ),
-    # The densest and the loosest specimens of five gradings of the core campaign: the same jobs,
-    # a quarter of them.
-    "preview": CORE.model_copy(
-        update={
-            "name": "preview",
-            "version": "0.1.0",
-            "only_gradings": (*CORE.closer_gradings, UNSEEN_GRADING),
-            "only_levels": (0, 6),
-        }
-    ),
     "core": CORE,
     "paper": CORE.model_copy(
         update={

@@ -27,7 +27,7 @@ def generate(
 
     Parameters
     ----------
-    preset_name : `smoke`, `preview`, `core` or `paper`
+    preset_name : `smoke`, `core` or `paper`
     out : folder of the campaign; the dataset is written into it
     seed : of every random choice
     workers, scheduler, progress, retry_failed : see `run_campaign`

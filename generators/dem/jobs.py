@@ -14,11 +14,13 @@ from pydantic import TypeAdapter
 
 from granbench.generators.campaign import Job
 from granbench.generators.dem.design import Programme, TestPlan, TriaxialPreset
+from granbench.generators.dem.diameters import realise_grading
 from granbench.generators.dem.engine import last_error
-from granbench.generators.dem.gradings import GRADINGS, realise_grading
+from granbench.generators.dem.gradings import GRADINGS
 from granbench.generators.dem.material import ContactMaterial
 from granbench.generators.dem.preparation import PreparedSpecimen, prepare_specimen
-from granbench.generators.dem.triaxial import TestRecord, run_test
+from granbench.generators.dem.recording import TestRecord
+from granbench.generators.dem.triaxial import run_test
 
 PROGRAMMES = {
     family.loading_family: TypeAdapter(family)

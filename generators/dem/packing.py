@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from granbench.errors import ConfigurationError
-from granbench.generators.dem.gradings import Grading
+from granbench.generators.dem.diameters import Grading
 
 Floats = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from granbench.errors import ConfigurationError, EngineError
 from granbench.generators.dem.box import GrainBox
-from granbench.generators.dem.gradings import Grading
+from granbench.generators.dem.diameters import Grading
 from granbench.generators.dem.material import ContactMaterial
 from granbench.generators.dem.measurement import contacts, rate_at
 from granbench.generators.dem.packing import default_solid_fraction, place_grains

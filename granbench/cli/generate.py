@@ -6,11 +6,13 @@ from typing import Annotated
 
 import typer
 
+from granbench.cli.termination import stopped_by_sigterm
+
 
 def generate(
     dataset: Annotated[str, typer.Argument(help="Dataset to generate, such as dem-triaxial.")],
     out: Annotated[Path, typer.Option(help="Folder of the campaign and of the dataset.")],
-    preset: Annotated[str, typer.Option(help="smoke, preview, core or paper.")] = "smoke",
+    preset: Annotated[str, typer.Option(help="smoke, core or paper.")] = "smoke",
     workers: Annotated[int, typer.Option(help="Jobs at a time on this machine.")] = 1,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a dask scheduler that takes the jobs instead.")
@@ -25,15 +27,16 @@ def generate(
     """Generate a dataset; run the same command again to continue one that was interrupted."""
     from granbench.generators.catalogue import generator
 
-    path, report = generator(dataset)(
-        preset,
-        out,
-        seed=seed,
-        workers=workers,
-        scheduler=scheduler,
-        progress="quiet" if quiet or as_json else "bar",
-        retry_failed=retry_failed,
-    )
+    with stopped_by_sigterm():
+        path, report = generator(dataset)(
+            preset,
+            out,
+            seed=seed,
+            workers=workers,
+            scheduler=scheduler,
+            progress="quiet" if quiet or as_json else "bar",
+            retry_failed=retry_failed,
+        )
     if as_json:
         outcome = {
             "dataset": str(path),

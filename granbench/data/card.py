@@ -19,12 +19,16 @@ from granbench.plotting import (
     critical_state_figure,
     cyclic_figure,
     dataset_figure,
+    increment_figure,
     pi_plane_figure,
     preparation_figure,
     quality_figure,
     save_figure,
+    strain_path_figure,
+    stress_space_figure,
 )
 from granbench.records import open_records, verify
+from granbench.tensors import component_order
 from granbench.whole_file import whole_file
 
 FIGURES: dict[str, tuple[Callable[[xr.Dataset], Figure], str]] = {
@@ -44,7 +48,8 @@ FIGURES: dict[str, tuple[Callable[[xr.Dataset], Figure], str]] = {
     ),
     "preparation": (
         preparation_figure,
-        "Initial void ratio against preparation friction.",
+        "Initial void ratio against preparation friction, brought to one mean stress along a "
+        "compression line fitted within specimens.",
     ),
     "cyclic": (
         cyclic_figure,
@@ -55,6 +60,24 @@ FIGURES: dict[str, tuple[Callable[[xr.Dataset], Figure], str]] = {
         "Share of the paths below each value of the control errors and of the inertial number.",
     ),
 }
+
+PLANE_FIGURES: dict[str, tuple[Callable[[xr.Dataset], Figure], str]] = {
+    "paths": (
+        strain_path_figure,
+        "Strain and stress components along the first path of the training split and of every "
+        "split out of distribution.",
+    ),
+    "increments": (
+        increment_figure,
+        "Share of the strain increments below each norm, by split.",
+    ),
+    "stress-space": (
+        stress_space_figure,
+        "Mean and deviatoric stress that the paths of the training split visit, and of those "
+        "out of distribution.",
+    ),
+}
+"""Of drawn strain paths in the plane, in place of `FIGURES`."""
 
 
 def write_card(records: xr.Dataset, out: Path) -> Path:
@@ -75,8 +98,9 @@ def write_card(records: xr.Dataset, out: Path) -> Path:
         If the folder cannot be written.
     """
     name = f"{records.attrs['dataset']}-{records.attrs['version']}"
+    order = component_order(tuple(map(str, records["component"].values)))
     drawn, undrawn = {}, {}
-    for title, (draw, caption) in FIGURES.items():
+    for title, (draw, caption) in (PLANE_FIGURES if order == "plane" else FIGURES).items():
         try:
             figure = draw(records)
         except DatasetError as error:  # a figure that this dataset has no tests for

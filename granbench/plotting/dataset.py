@@ -17,7 +17,9 @@ from granbench.observations import (
     CriticalStateLine,
     comparable_compressions,
     critical_states,
+    initial_void_ratio_at,
     matsuoka_nakai_ratio,
+    named_paths,
     peak_stresses,
     principal_stress,
     select,
@@ -34,6 +36,8 @@ from granbench.plotting.style import (
 from granbench.tensors import deviatoric_stress, mean_stress, pi_plane
 
 DOTS_PER_CURVE = 60
+COMPARED_PRESSURE = 0.5e6
+"""Pa; the anchor pressure of `dem-triaxial`, at which preparations are compared."""
 AXIAL_STRAIN = r"axial strain $\varepsilon_{11}$ [%]"
 STRESS_RATIO = r"stress ratio $q/p$ [–]"
 VOID_RATIO = r"void ratio $e$ [–]"
@@ -82,13 +86,7 @@ def dataset_figure(records: xr.Dataset, *, paths: Sequence[str] | None = None) -
 
 def _chosen(records: xr.Dataset, paths: Sequence[str] | None) -> tuple[xr.Dataset, str]:
     if paths is not None:
-        known = records["path_id"].values.astype(str)
-        if missing := sorted(set(paths) - set(known)):
-            raise DatasetError(
-                f"{records.attrs.get('dataset', 'the dataset')} has no path {missing[0]!r}; "
-                "list them with `granbench data info`"
-            )
-        return select(records, path_id=tuple(paths)), f"{len(paths)} tests"
+        return named_paths(records, paths), f"{len(paths)} tests"
     needed = ("grading", "intermediate_stress_ratio", "initial_mean_stress", "initial_void_ratio")
     if all(name in records.coords for name in needed):
         group = comparable_compressions(records)
@@ -212,16 +210,17 @@ def _draw_sextant(axis: Axes) -> None:
 
 @house_style
 def preparation_figure(records: xr.Dataset) -> Figure:
-    """Initial void ratio against preparation friction, one line a grading.
+    """Initial void ratio at one mean stress against preparation friction, one line a grading.
 
-    A specimen that is loaded at several pressures shows its mean; the bar spans its pressures.
+    Specimens are consolidated to different pressures; see `initial_void_ratio_at` for how their
+    void ratios are brought to that of `COMPARED_PRESSURE`. The bar spans the paths.
 
     Raises
     ------
     DatasetError
         If the records do not say how their specimens were prepared.
     """
-    for name in ("preparation_friction", "initial_void_ratio", "grading"):
+    for name in ("preparation_friction", "initial_void_ratio", "initial_mean_stress", "grading"):
         if name not in records.coords:
             raise DatasetError(
                 f"{records.attrs.get('dataset', 'the dataset')} lacks the coordinate {name!r} "
@@ -230,7 +229,7 @@ def preparation_figure(records: xr.Dataset) -> Figure:
     names, colours = _gradings(records)
     figure, (axis,) = figure_grid(panel=(5.6, 3.8))
     for number, (name, colour) in enumerate(zip(names, colours, strict=True)):
-        voids = select(records, grading=name)["initial_void_ratio"]
+        voids = initial_void_ratio_at(select(records, grading=name), COMPARED_PRESSURE)
         by_friction = voids.groupby("preparation_friction")
         mean, low, high = by_friction.mean(), by_friction.min(), by_friction.max()
         axis.errorbar(
@@ -251,7 +250,7 @@ def preparation_figure(records: xr.Dataset) -> Figure:
     axis.set(
         xlabel=r"preparation friction $\mu_0$ [–]",
         ylabel=r"initial void ratio $e_0$ [–]",
-        title="Preparation",
+        title=f"Preparation, at $p_0$ = {COMPARED_PRESSURE / 1e6:g} MPa",
     )
     axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), title="grading")
     return figure

@@ -1,6 +1,6 @@
 """Triaxial jobs that go wrong, each in a way of its own."""
 
-from granbench.generators.dem import triaxial
+from granbench.generators.dem import recording
 from granbench.generators.dem.box import GrainBox
 from granbench.generators.dem.jobs import failure_reason, shear
 
@@ -9,7 +9,7 @@ __all__ = ["failure_reason", "held_too_loosely", "loses_a_grain", "stopped_by_th
 
 def held_too_loosely(configuration, seed, inputs, out):
     """A test that is asked for a servo no test can have."""
-    triaxial.LARGEST_SERVO_ERROR = 0.0
+    recording.LARGEST_SERVO_ERROR = 0.0
     shear(configuration, seed, inputs, out)
 
 

@@ -14,7 +14,7 @@ from granbench.generators.dem import engine
 from granbench.generators.dem import generate as generate_module
 from granbench.generators.dem.generate import generate
 from granbench.generators.dem.jobs import campaign_jobs
-from granbench.generators.dem.triaxial import (
+from granbench.generators.dem.recording import (
     LARGEST_INERTIAL_NUMBER,
     LARGEST_RATIO_ERROR,
     LARGEST_SERVO_ERROR,
@@ -183,5 +183,5 @@ def test_missing_engine_is_one_sentence_with_its_remedy(tmp_path, monkeypatch):
 
 
 def test_unknown_preset_names_the_known_ones(tmp_path):
-    with pytest.raises(RegistryError, match="smoke, preview, core, paper"):
+    with pytest.raises(RegistryError, match="smoke, core, paper"):
         generate("huge", tmp_path)

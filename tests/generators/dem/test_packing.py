@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from granbench.errors import ConfigurationError
-from granbench.generators.dem.gradings import GRADINGS, realise_grading
+from granbench.generators.dem.diameters import realise_grading
+from granbench.generators.dem.gradings import GRADINGS
 from granbench.generators.dem.packing import (
     default_solid_fraction,
     face_centred_cubic,
