@@ -12,51 +12,75 @@ from granbench.baseline import TrainingRequest
 from granbench.cell import Conditions, MaterialCell, StateLayout
 from granbench.data.splits import select_split
 from granbench.errors import ModelError
-from granbench.tensors import COMPONENT_ORDERS, mean_stress, volumetric_strain
+from granbench.tensors import (
+    COMPONENT_ORDERS,
+    component_order,
+    mean_stress,
+    normal_mask,
+    volumetric_strain,
+)
 
 
 class LinearElasticCell(MaterialCell):
     """dp = K d(eps_v), ds = 2 G de; the void ratio follows the volumetric strain.
 
+    In the plane p and s are those of the plane, so K is K + G/3 of the solid in plane strain.
     Grains are incompressible beside the pores, so 1 + e shrinks with the volume: for the
-    logarithmic strain of the records, 1 + e = (1 + e0) exp(-eps_v) exactly.
+    logarithmic strain of particle records, 1 + e = (1 + e0) exp(-eps_v) exactly.
 
     Parameters
     ----------
     bulk_modulus, shear_modulus : K and G, Pa
+    order : component order
+    has_void_ratio : whether the records have a void ratio that is to be predicted
     """
 
     name = "linear-elastic"
-    layout = StateLayout.of(stress=3, void_ratio=1)
-    internals = ("void_ratio",)
 
-    def __init__(self, bulk_modulus: float, shear_modulus: float) -> None:
+    def __init__(
+        self,
+        bulk_modulus: float,
+        shear_modulus: float,
+        order: str = "principal",
+        *,
+        has_void_ratio: bool = True,
+    ) -> None:
         self.bulk_modulus = bulk_modulus
         self.shear_modulus = shear_modulus
+        self.order = order
+        self.internals = ("void_ratio",) if has_void_ratio else ()
+        components = len(COMPONENT_ORDERS[order])
+        self.layout = StateLayout.of(stress=components, **dict.fromkeys(self.internals, 1))
+        self._normal = torch.tensor(normal_mask(order), dtype=self.dtype)
 
     def initial_state(self, conditions: Conditions) -> Tensor:
-        """See `MaterialCell.initial_state`; the void ratio is needed."""
-        void_ratio = conditions.require("initial_void_ratio")[:, None]
-        return self.layout.pack(stress=conditions.stress, void_ratio=void_ratio).to(self.dtype)
+        """See `MaterialCell.initial_state`; a void ratio that is predicted is needed."""
+        known = {name: conditions.require(f"initial_{name}")[:, None] for name in self.internals}
+        return self.layout.pack(stress=conditions.stress, **known).to(self.dtype)
 
     def step(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """See `MaterialCell.step`."""
-        volumetric = volumetric_strain(dstrain)[:, None]
-        deviatoric = dstrain - volumetric / 3.0
+        volumetric = volumetric_strain(dstrain, self.order)[:, None]
+        deviatoric = dstrain - self._normal * (volumetric / self._normal.sum())
         stress = (
             state[:, self.layout["stress"]]
-            + self.bulk_modulus * volumetric
+            + self._normal * (self.bulk_modulus * volumetric)
             + 2.0 * self.shear_modulus * deviatoric
         )
-        void_ratio = (1.0 + state[:, self.layout["void_ratio"]]) * torch.exp(-volumetric) - 1.0
-        return stress, self.layout.pack(stress=stress, void_ratio=void_ratio)
+        parts = {
+            name: (1.0 + state[:, self.layout[name]]) * torch.exp(-volumetric) - 1.0
+            for name in self.internals
+        }
+        return stress, self.layout.pack(stress=stress, **parts)
 
     def parameters_count(self) -> int:
         """K and G."""
         return 2
 
 
-def fitted_moduli(strain: np.ndarray, stress: np.ndarray) -> tuple[float, float]:
+def fitted_moduli(
+    strain: np.ndarray, stress: np.ndarray, order: str = "principal"
+) -> tuple[float, float]:
     """K and G that fit the recorded increments best, in the least-squares sense.
 
     The isotropic and the deviatoric part of the residual are orthogonal, so each modulus has
@@ -64,7 +88,8 @@ def fitted_moduli(strain: np.ndarray, stress: np.ndarray) -> tuple[float, float]
 
     Parameters
     ----------
-    strain, stress : (path, step, 3), compression positive, Pa
+    strain, stress : (path, step, component), compression positive, Pa
+    order : component order
 
     Raises
     ------
@@ -72,17 +97,19 @@ def fitted_moduli(strain: np.ndarray, stress: np.ndarray) -> tuple[float, float]
         If the strain never changes in one of the two parts.
     """
     dstrain, dstress = np.diff(strain, axis=1), np.diff(stress, axis=1)
-    volumetric, pressure = volumetric_strain(dstrain), mean_stress(dstress)
-    deviatoric_strain = dstrain - volumetric[..., None] / 3.0
-    deviatoric_stress = dstress - pressure[..., None]
-    squares = np.sum(volumetric**2), np.sum(deviatoric_strain**2)
+    volumetric, pressure = volumetric_strain(dstrain, order), mean_stress(dstress, order)
+    normal = np.array(normal_mask(order))
+    count = 2.0 - normal  # of a component in the tensor: a shear component stands twice in it
+    deviatoric_strain = dstrain - normal * (volumetric[..., None] / normal.sum())
+    deviatoric_stress = dstress - normal * pressure[..., None]
+    squares = np.sum(volumetric**2), np.sum(count * deviatoric_strain**2)
     if not min(squares) > 0.0:
         raise ModelError(
             "linear-elastic cannot be fitted: the training paths never change in volume or in "
             "shape; use a dataset that does both"
         )
     bulk = np.sum(pressure * volumetric) / squares[0]
-    twice_shear = np.sum(deviatoric_stress * deviatoric_strain) / squares[1]
+    twice_shear = np.sum(count * (deviatoric_stress * deviatoric_strain)) / squares[1]
     return float(bulk), float(twice_shear / 2.0)
 
 
@@ -101,18 +128,11 @@ class LinearElasticBaseline:
 
     def load(self, folder: Path | None, records: xr.Dataset) -> MaterialCell:
         """See `granbench.baseline.Baseline.load`."""
-        labels = tuple(str(label) for label in records["component"].values)
-        if labels != COMPONENT_ORDERS["principal"]:
-            raise ModelError(
-                f"linear-elastic works on principal components, but the records have "
-                f"{', '.join(labels)}"
-            )
+        order = component_order(tuple(map(str, records["component"].values)))
         training = select_split(records, "train")
+        strain, stress = (training[name].values.astype(np.float64) for name in ("strain", "stress"))
         return LinearElasticCell(
-            *fitted_moduli(
-                training["strain"].values.astype(np.float64),
-                training["stress"].values.astype(np.float64),
-            )
+            *fitted_moduli(strain, stress, order), order, has_void_ratio="void_ratio" in records
         )
 
 

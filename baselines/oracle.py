@@ -12,10 +12,12 @@ from granbench.baseline import TrainingRequest
 from granbench.cell import Conditions, MaterialCell, StateLayout
 from granbench.data.adapters import path_key
 from granbench.errors import ModelError
+from granbench.schema import INTERNALS
+from granbench.tensors import COMPONENT_ORDERS, component_order
 
 
 class OracleCell(MaterialCell):
-    """Looks the next stress and void ratio up in the records it is scored on.
+    """Looks the next stress and internal variables up in the records it is scored on.
 
     It knows its place by two scalars of the conditions that a model has no use for,
     `path_key` and `step_index`; everything else goes through the contract, so a protocol or
@@ -27,16 +29,15 @@ class OracleCell(MaterialCell):
     """
 
     name = "oracle"
-    layout = StateLayout.of(stress=3, void_ratio=1, path=1, step=1)
-    internals = ("void_ratio",)
 
     def __init__(self, records: xr.Dataset) -> None:
-        if "void_ratio" not in records:
-            raise ModelError(
-                "the oracle knows stress and void ratio, but the dataset has no variable "
-                "'void_ratio'; use a dataset that has it"
-            )
-        truth = [records["stress"].values, records["void_ratio"].values[..., None]]
+        self.order = component_order(tuple(map(str, records["component"].values)))
+        self.internals = tuple(name for name in INTERNALS if name in records)
+        components = len(COMPONENT_ORDERS[self.order])
+        widths = {"stress": components, **dict.fromkeys(self.internals, 1)}
+        self.layout = StateLayout.of(**widths, path=1, step=1)
+        truth = [records["stress"].values]
+        truth += [records[name].values[..., None] for name in self.internals]
         self._truth = torch.from_numpy(np.concatenate(truth, axis=-1).astype(np.float64))
         self._row_of = {path_key(name): row for row, name in enumerate(records["path_id"].values)}
 
@@ -59,13 +60,8 @@ class OracleCell(MaterialCell):
         return self._state(row, step)
 
     def _state(self, row: Tensor, step: Tensor) -> Tensor:
-        known = self._truth[row, step]
-        return self.layout.pack(
-            stress=known[:, :3],
-            void_ratio=known[:, 3:],
-            path=row.to(self.dtype)[:, None],
-            step=step.to(self.dtype)[:, None],
-        )
+        place = torch.stack([row, step], dim=-1).to(self.dtype)
+        return torch.cat([self._truth[row, step], place], dim=-1)
 
     def step(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """See `MaterialCell.step`."""

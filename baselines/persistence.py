@@ -1,4 +1,4 @@
-"""`persistence`: stress and void ratio stay what they were. The floor of every task."""
+"""`persistence`: stress, and void ratio where there is one, stay. The floor of every task."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,19 +9,30 @@ from torch import Tensor
 from granbench.baseline import TrainingRequest
 from granbench.cell import Conditions, MaterialCell, StateLayout
 from granbench.errors import ModelError
+from granbench.tensors import COMPONENT_ORDERS, component_order
 
 
 class PersistenceCell(MaterialCell):
-    """Stress and void ratio do not change, whatever the strain."""
+    """Stress and void ratio do not change, whatever the strain.
+
+    Parameters
+    ----------
+    order : component order
+    has_void_ratio : whether the records have a void ratio that is to be predicted
+    """
 
     name = "persistence"
-    layout = StateLayout.of(stress=3, void_ratio=1)
-    internals = ("void_ratio",)
+
+    def __init__(self, order: str = "principal", *, has_void_ratio: bool = True) -> None:
+        self.order = order
+        self.internals = ("void_ratio",) if has_void_ratio else ()
+        components = len(COMPONENT_ORDERS[order])
+        self.layout = StateLayout.of(stress=components, **dict.fromkeys(self.internals, 1))
 
     def initial_state(self, conditions: Conditions) -> Tensor:
-        """See `MaterialCell.initial_state`; the void ratio is needed."""
-        void_ratio = conditions.require("initial_void_ratio")[:, None]
-        return self.layout.pack(stress=conditions.stress, void_ratio=void_ratio).to(self.dtype)
+        """See `MaterialCell.initial_state`; a void ratio that is predicted is needed."""
+        known = {name: conditions.require(f"initial_{name}")[:, None] for name in self.internals}
+        return self.layout.pack(stress=conditions.stress, **known).to(self.dtype)
 
     def step(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """See `MaterialCell.step`."""
@@ -41,7 +52,8 @@ class PersistenceBaseline:
 
     def load(self, folder: Path | None, records: xr.Dataset) -> MaterialCell:
         """See `granbench.baseline.Baseline.load`."""
-        return PersistenceCell()
+        order = component_order(tuple(map(str, records["component"].values)))
+        return PersistenceCell(order, has_void_ratio="void_ratio" in records)
 
 
 BASELINE = PersistenceBaseline()

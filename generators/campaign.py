@@ -20,7 +20,7 @@ from granbench.errors import ConfigurationError
 from granbench.generators.attempt import Outcome, Request
 from granbench.generators.campaign_folder import CampaignFolder
 from granbench.generators.schedule import Job, Schedule, digests
-from granbench.generators.workers import DaskWorkers, LocalWorkers
+from granbench.generators.workers import DaskWorkers, LocalWorkers, find_scheduler
 
 __all__ = ["CampaignReport", "Job", "run_campaign"]
 
@@ -83,6 +83,10 @@ def run_campaign(
     if workers < 1:
         raise ConfigurationError(f"workers must be at least 1, not {workers}")
     schedule = Schedule(jobs)
+    if scheduler and not folder.exists():
+        # A campaign that has not begun leaves no folder behind when its workers cannot be
+        # reached; one that has may be finished, and need none.
+        find_scheduler(scheduler)
     place = CampaignFolder(folder)
     with place.locked(), place.explained_errors():
         campaign = _Campaign(schedule, place)

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from granbench.errors import ConfigurationError
+from granbench.whole_file import FULL_DISK
 
 RESULT_FILE = "job.json"
 OPEN_FILE = "open"
@@ -57,10 +58,15 @@ class CampaignFolder:
         except BrokenPipeError:  # a screen that is gone, not a file
             raise
         except OSError as error:
+            remedy = "with --out, name a folder that can be written"
+            if error.errno in FULL_DISK:
+                remedy = (
+                    "free space there or name another folder with --out, then run the same "
+                    "command again"
+                )
             raise ConfigurationError(
                 f"the campaign folder {self.root} cannot be written: "
-                f"{error.strerror or error}; free space there or name another folder with "
-                "--out, then run the same command again"
+                f"{error.strerror or error}; {remedy}"
             ) from error
 
     @contextlib.contextmanager

@@ -10,7 +10,14 @@ from granbench.generators.campaign import CampaignReport
 
 Generate = Callable[..., tuple[Path, CampaignReport]]
 
-GENERATORS = {"dem-triaxial": "granbench.generators.dem.generate:generate"}
+GENERATORS = {
+    "dem-triaxial": "granbench.generators.dem.generate:generate",
+    "gp-j2": "granbench.generators.classical.generate:gp_j2",
+    "gp-dp": "granbench.generators.classical.generate:gp_dp",
+    "gp-j2-hardening": "granbench.generators.classical.generate:gp_j2_hardening",
+    "gp-ime": "granbench.generators.classical.generate:gp_ime",
+    "gp-csuh": "granbench.generators.classical.generate:gp_csuh",
+}
 """``module:function`` of each dataset, imported only when it is asked for."""
 
 

@@ -73,20 +73,15 @@ class DaskWorkers:
     capacity = sys.maxsize
 
     def __init__(self, address: str, run: Path) -> None:
-        try:
-            import distributed
-        except ImportError as missing:
-            raise ConfigurationError(
-                "--scheduler needs dask.distributed: pip install 'granbench[generate]'"
-            ) from missing
+        # Asked first: a Client that cannot connect may hang, and complains when it is freed.
+        find_scheduler(address)
+        import distributed
+
         self.address = address
         self._run = run
         self._handed: dict[int, Any] = {}
         with contextlib.ExitStack() as quiet:
             quiet.enter_context(_silence())
-            # Asked first: a Client that cannot connect may hang, and complains when it is freed.
-            with ThreadPoolExecutor(1) as asking:
-                asking.submit(asyncio.run, _ask_scheduler(address)).result()
             self._client = distributed.Client(
                 address, timeout=CONNECT_TIME, set_as_default=False, name="granbench"
             )
@@ -141,6 +136,28 @@ class DaskWorkers:
         with contextlib.suppress(Exception):
             self._client.close(timeout=STOP_TIME)
         self._quiet.close()
+
+
+def find_scheduler(address: str) -> None:
+    """Make sure that a dask scheduler answers.
+
+    Parameters
+    ----------
+    address : such as ``tcp://host:8786``
+
+    Raises
+    ------
+    ConfigurationError : dask is not installed, or no scheduler answers at the address
+    """
+    try:
+        import distributed  # noqa: F401
+    except ImportError as missing:
+        raise ConfigurationError(
+            "--scheduler needs dask.distributed: pip install 'granbench[generate]'"
+        ) from missing
+    # In a thread of its own: the caller's may have an event loop already.
+    with _silence(), ThreadPoolExecutor(1) as asking:
+        asking.submit(asyncio.run, _ask_scheduler(address)).result()
 
 
 async def _ask_scheduler(address: str) -> None:

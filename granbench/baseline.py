@@ -1,10 +1,9 @@
 """Reference models: what each offers, and how they are found by name.
 
 A package registers a model under the entry-point group `granbench.baselines`; this module
-knows none of them.
+knows none of them. What else a user may name as a model is known to `granbench.candidate`.
 """
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -140,49 +139,3 @@ def find_baseline(name: str) -> Baseline:
     near = get_close_matches(name, names, n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
     raise ModelError(f"unknown baseline {name!r}: {hint}there are {', '.join(names)}")
-
-
-def load_cell(model: str | Path, records: xr.Dataset) -> MaterialCell:
-    """The cell that a user names on the command line.
-
-    Parameters
-    ----------
-    model : folder of a trained model, or the name of a baseline that needs no training
-    records : the whole dataset of the task
-
-    Raises
-    ------
-    ModelError
-        If it is neither, or the model's files are damaged.
-    """
-    folder = Path(model)
-    if (folder / DESCRIPTION_FILE).is_file():
-        return find_baseline(architecture(folder)).load(folder, records)
-    if folder.exists():
-        raise ModelError(
-            f"{folder}: holds no {DESCRIPTION_FILE}; give the folder that `granbench train` wrote"
-        )
-    baseline = find_baseline(str(model))
-    if baseline.presets:
-        raise ModelError(
-            f"baseline {baseline.name!r} has to be trained first: run `granbench train "
-            f"{baseline.name} --out DIR` and give DIR"
-        )
-    return baseline.load(None, records)
-
-
-def architecture(folder: Path) -> str:
-    """Name of the baseline that a trained model's folder holds.
-
-    Raises
-    ------
-    ModelError
-        If the model's description is damaged.
-    """
-    path = folder / DESCRIPTION_FILE
-    try:
-        return str(json.loads(path.read_text())["baseline"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ModelError(
-            f"{path}: is damaged ({error}); train the model again or copy the file anew"
-        ) from error

@@ -1,4 +1,7 @@
-"""A candidate for evaluation: the cells that a user names on the command line, one a seed."""
+"""A candidate for evaluation: the cells that a user names on the command line, one a seed.
+
+`find_candidate` is the one way from a model's name to its cells.
+"""
 
 import importlib
 import inspect
@@ -12,9 +15,11 @@ from typing import Any
 
 import xarray as xr
 
-from granbench.baseline import DESCRIPTION_FILE, Baseline, architecture, find_baseline, load_cell
+from granbench.baseline import DESCRIPTION_FILE, Baseline, find_baseline
 from granbench.cell import MaterialCell
 from granbench.errors import ConfigurationError, GranbenchError, ModelError
+from granbench.models import MODELS
+from granbench.tensors import component_order
 
 DEFAULT_SEEDS = (0, 1, 2)
 
@@ -42,9 +47,14 @@ class Candidate:
         return self.baseline is None or bool(self.baseline.presets)
 
     @property
+    def cell(self) -> MaterialCell:
+        """Its cell for the first seed."""
+        return next(iter(self.cells.values()))
+
+    @property
     def parameters(self) -> int:
         """Number of trained or fitted parameters."""
-        return next(iter(self.cells.values())).parameters_count()
+        return self.cell.parameters_count()
 
 
 def find_candidate(
@@ -58,8 +68,10 @@ def find_candidate(
 
     Parameters
     ----------
-    model : name of a baseline; folder of a trained one; or ``package.module:factory``, where
-        the factory takes any of `seed`, `model_dir` and `records` and returns a `MaterialCell`
+    model : name of a baseline; folder of a trained one; name of a classical model, which then
+        has its default parameters, or a parameter file (.json) of one; or
+        ``package.module:factory``, where the factory takes any of `seed`, `model_dir` and
+        `records` and returns a `MaterialCell`
     records : the whole dataset of the task
     folders : trained models, one a seed
     seeds : one a folder, or those that a model without folders is evaluated for; by default
@@ -73,30 +85,85 @@ def find_candidate(
         If there is no such model, or its files or its factory fail.
     """
     if ":" in model:
-        places: Sequence[Path | None] = folders or [None] * len(seeds or DEFAULT_SEEDS)
-        labels = _labels(folders, seeds) if folders else tuple(seeds or DEFAULT_SEEDS)
-        factory = _factory(model)
-        cells = {
-            seed: _made(factory, model, seed=seed, model_dir=folder, records=records)
-            for seed, folder in zip(labels, places, strict=True)
-        }
-        return Candidate(next(iter(cells.values())).name, cells)
+        return _manufactured(model, records, folders, seeds)
     if not folders and (Path(model) / DESCRIPTION_FILE).is_file():
         folders = [Path(model)]
-        model = architecture(folders[0])
-    if not folders:
-        cell = load_cell(model, records)
-        return Candidate(
-            model, dict.fromkeys(seeds or DEFAULT_SEEDS, cell), baseline=find_baseline(model)
-        )
-    baseline = find_baseline(model)
+        model = _architecture(folders[0])
+    if folders:
+        return _trained(model, records, folders, seeds)
+    if model in MODELS or (Path(model).suffix == ".json" and Path(model).is_file()):
+        return _closed_form(model, records, seeds)
+    return _untrained(model, records, seeds)
+
+
+def _manufactured(
+    model: str, records: xr.Dataset, folders: Sequence[Path], seeds: Sequence[int] | None
+) -> Candidate:
+    """What a user's own factory makes, for each folder or each seed."""
+    places: Sequence[Path | None] = folders or [None] * len(seeds or DEFAULT_SEEDS)
+    labels = _labels(folders, seeds) if folders else tuple(seeds or DEFAULT_SEEDS)
+    factory = _factory(model)
+    cells = {
+        seed: _made(factory, model, seed=seed, model_dir=folder, records=records)
+        for seed, folder in zip(labels, places, strict=True)
+    }
+    return Candidate(next(iter(cells.values())).name, cells)
+
+
+def _trained(
+    name: str, records: xr.Dataset, folders: Sequence[Path], seeds: Sequence[int] | None
+) -> Candidate:
+    """A baseline that was trained into folders, one a seed."""
+    baseline = find_baseline(name)
     if not baseline.presets:
-        raise ConfigurationError(f"baseline {model!r} needs no training; leave out --model-dir")
+        raise ConfigurationError(f"baseline {name!r} needs no training; leave out --model-dir")
     labels = _labels(folders, seeds)
     cells = {
         seed: baseline.load(folder, records) for seed, folder in zip(labels, folders, strict=True)
     }
-    return Candidate(model, cells, baseline, _training_data(folders, records))
+    return Candidate(name, cells, baseline, _training_data(folders, records))
+
+
+def _closed_form(model: str, records: xr.Dataset, seeds: Sequence[int] | None) -> Candidate:
+    """A classical model: one cell for all seeds, which are of the noise."""
+    order = component_order(tuple(map(str, records["component"].values)))
+    labels = seeds or DEFAULT_SEEDS
+    if model in MODELS:
+        cell = MODELS[model](order=order)
+        return Candidate(
+            model, dict.fromkeys(labels, cell), training_data="none: published parameters"
+        )
+    from granbench.models.parameter_file import cell_from_file
+
+    return Candidate(Path(model).stem, dict.fromkeys(labels, cell_from_file(Path(model), order)))
+
+
+def _untrained(name: str, records: xr.Dataset, seeds: Sequence[int] | None) -> Candidate:
+    """A baseline that needs no training: one cell for all seeds, which are of the noise."""
+    if Path(name).exists():
+        raise ModelError(
+            f"{Path(name)}: holds no {DESCRIPTION_FILE}; give the folder that `granbench train` "
+            "wrote"
+        )
+    baseline = find_baseline(name)
+    if baseline.presets:
+        raise ModelError(
+            f"baseline {baseline.name!r} has to be trained first: run `granbench train "
+            f"{baseline.name} --out DIR` and give DIR"
+        )
+    cell = baseline.load(None, records)
+    return Candidate(name, dict.fromkeys(seeds or DEFAULT_SEEDS, cell), baseline)
+
+
+def _architecture(folder: Path) -> str:
+    """Name of the baseline that a trained model's folder holds; ModelError if it is damaged."""
+    path = folder / DESCRIPTION_FILE
+    try:
+        return str(json.loads(path.read_text())["baseline"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ModelError(
+            f"{path}: is damaged ({error}); train the model again or copy the file anew"
+        ) from error
 
 
 def _labels(folders: Sequence[Path], seeds: Sequence[int] | None) -> tuple[int, ...]:

@@ -174,6 +174,30 @@ class MaterialCell(abc.ABC):
         state : (point, n_state), after the increment
         """
 
+    def tangent(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """One strain increment with its tangent; by automatic differentiation unless overridden.
+
+        Parameters
+        ----------
+        dstrain, state : as in `step`
+
+        Returns
+        -------
+        stress, state : as of `step`, without gradients
+        tangent : (point, component, component), Pa; d stress_i / d strain_j, where moving a
+            shear strain moves both of its entries in the tensor
+        """
+        with torch.enable_grad():
+            variable = dstrain.detach().requires_grad_()
+            stress, after = self.step(variable, state.detach())
+            rows = [
+                torch.autograd.grad(component.sum(), variable, retain_graph=True)[0]
+                if component.requires_grad
+                else torch.zeros_like(dstrain)
+                for component in stress.unbind(dim=-1)
+            ]
+        return stress.detach(), after.detach(), torch.stack(rows, dim=1)
+
     def condition(self, history: History) -> Tensor:
         """State (point, n_state) that a true record implies at its last step.
 

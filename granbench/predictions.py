@@ -28,6 +28,9 @@ prediction stays below 4 MB.
 WINDOW_STEPS = 20
 """Predicted steps of a window (Sec 2.2.3)."""
 
+SCORED_INTERNALS = ("void_ratio",)
+"""Internal variables that are kept beside the stress; the others no metric asks for."""
+
 PATH_COORDINATES = ("path_id", "specimen", "split", "loading_family")
 
 

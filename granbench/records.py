@@ -20,8 +20,8 @@ from granbench.schema import (
     VariableSpec,
     describe,
     path_blocks,
-    validate_records,
 )
+from granbench.schema_check import validate_records
 from granbench.whole_file import whole_file
 
 __all__ = [

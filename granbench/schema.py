@@ -1,10 +1,11 @@
-"""The dataset schema: names, dimensions and units of a stress-strain record, and their check.
+"""The dataset schema: names, dimensions, units and ranges of a stress-strain record.
 
 Stress and strain are compression positive; strain is cumulative (logarithmic in particle data)
 and zero at step 0, where the stress is known. Directions of a `principal` record: 11 axial
 (major, prescribed), 22 intermediate, 33 minor.
 """
 
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from granbench.errors import ConfigurationError, DatasetError
-from granbench.tensors import component_order
+from granbench.errors import DatasetError
+from granbench.tensors import COMPONENT_ORDERS
 
 CONVENTIONS = (
     "compression positive; SI units; strain is logarithmic and cumulative from step 0; "
@@ -22,6 +23,36 @@ CONVENTIONS = (
 SPLIT_PATTERN = re.compile(r"train|validation|test|ood-[a-z0-9-]+")
 VALUES_PER_BLOCK = 4_000_000
 """Values read at a time where a whole variable is walked: 16 MB of float32."""
+
+
+@dataclass(frozen=True)
+class Range:
+    """The values that a quantity can have.
+
+    Parameters
+    ----------
+    minimum, maximum : in the units of the variable
+    above : whether the minimum itself is left out; the maximum never is
+    """
+
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    above: bool = False
+
+    def holds(self, values: np.ndarray) -> np.ndarray:
+        """Whether each value, of any shape, is in the range; NaN is not."""
+        high_enough = values > self.minimum if self.above else values >= self.minimum
+        return high_enough & (values <= self.maximum)
+
+    def __str__(self) -> str:
+        if self.maximum < math.inf:
+            return f"from {self.minimum:g} to {self.maximum:g}"
+        return f"{'above' if self.above else 'at least'} {self.minimum:g}"
+
+
+ANY = Range()
+NOT_NEGATIVE = Range(0.0)
+POSITIVE = Range(0.0, above=True)
 
 
 @dataclass(frozen=True)
@@ -36,6 +67,11 @@ class VariableSpec:
     dtype : type in files, a NumPy name or "str"
     required : whether every dataset has it
     nullable : whether NaN is a value (what does not apply to a path)
+    limits : values that make sense
+    positive_with : variables of the same dataset beside which zero makes none either
+    not_below : variable that this one is at least as large as, path by path
+    internal : whether it is an internal variable of the material, which a model may carry as
+        state and predict
     """
 
     dims: tuple[str, ...]
@@ -44,6 +80,10 @@ class VariableSpec:
     dtype: str = "float32"
     required: bool = False
     nullable: bool = False
+    limits: Range = ANY
+    positive_with: tuple[str, ...] = ()
+    not_below: str | None = None
+    internal: bool = False
 
     @property
     def kind(self) -> str:
@@ -56,22 +96,44 @@ _SERIES = ("path", "step")
 _PATH = ("path",)
 
 
-def _scalar(units: str, long_name: str, *, nullable: bool = False) -> VariableSpec:
-    return VariableSpec(_PATH, units, long_name, "float64", nullable=nullable)
+def _scalar(
+    units: str, long_name: str, limits: Range = ANY, *, nullable: bool = False
+) -> VariableSpec:
+    return VariableSpec(_PATH, units, long_name, "float64", nullable=nullable, limits=limits)
+
+
+def _internal(units: str, long_name: str, limits: Range = ANY) -> VariableSpec:
+    return VariableSpec(_SERIES, units, long_name, limits=limits, internal=True)
 
 
 def _label(long_name: str, *, required: bool = False) -> VariableSpec:
     return VariableSpec(_PATH, "", long_name, "str", required)
 
 
-def _count(long_name: str, *, required: bool = False) -> VariableSpec:
-    return VariableSpec(_PATH, "1", long_name, "int64", required)
+def _count(long_name: str, limits: Range = ANY, *, required: bool = False) -> VariableSpec:
+    return VariableSpec(_PATH, "1", long_name, "int64", required, limits=limits)
 
 
 SCHEMA: dict[str, VariableSpec] = {
     "strain": VariableSpec(_COMPONENTS, "1", "strain, compression positive", required=True),
     "stress": VariableSpec(_COMPONENTS, "Pa", "stress, compression positive", required=True),
-    "void_ratio": VariableSpec(_SERIES, "1", "void ratio"),
+    "void_ratio": _internal("1", "void ratio", POSITIVE),
+    "out_of_plane_stress": _internal("Pa", "stress zz in plane strain, compression positive"),
+    **{
+        f"plastic_strain_{label}": _internal("1", f"plastic strain {label}, compression positive")
+        for label in COMPONENT_ORDERS["full"]
+    },
+    "plastic_strain_norm": _internal("1", "length of the plastic strain path", NOT_NEGATIVE),
+    "plastic_volumetric_strain": _internal("1", "plastic volumetric strain"),
+    "plastic_deviatoric_strain": _internal("1", "plastic deviatoric strain"),
+    "hardening": _internal("1", "hardening parameter H"),
+    "initial_yield_pressure": _internal("Pa", "size of the first yield surface, p_x0", POSITIVE),
+    "reference_void_ratio": _internal("1", "void ratio that strains count from", POSITIVE),
+    "tangent": VariableSpec(
+        (*_COMPONENTS, "strain_component"),
+        "Pa",
+        "d stress / d strain of the step that ends here; at step 0 of a zero increment",
+    ),
     "coordination_number": VariableSpec(_SERIES, "1", "mean contacts per grain"),
     "inertial_number": VariableSpec(_SERIES, "1", "inertial number (Eq 2.6)"),
     "servo_error": VariableSpec(_SERIES, "1", "relative error of the controlled stress"),
@@ -91,18 +153,48 @@ SCHEMA: dict[str, VariableSpec] = {
     "grading_kind": _label("kind of grading"),
     "grading_index": _scalar("1", "grading index I_G (Eq 2.1)"),
     "fractal_dimension": _scalar("1", "fractal exponent beta (Eq 2.3)", nullable=True),
-    "d_min": _scalar("m", "smallest grain diameter"),
-    "d_max": _scalar("m", "largest grain diameter"),
-    "d50": _scalar("m", "median grain diameter by mass"),
-    "coefficient_of_uniformity": _scalar("1", "coefficient of uniformity C_u"),
+    "d_min": _scalar("m", "smallest grain diameter", NOT_NEGATIVE),
+    "d_max": VariableSpec(
+        _PATH, "m", "largest grain diameter", "float64", limits=POSITIVE, not_below="d_min"
+    ),
+    "d50": _scalar("m", "median grain diameter by mass", POSITIVE),
+    "coefficient_of_uniformity": _scalar("1", "coefficient of uniformity C_u", Range(1.0)),
     "coefficient_of_curvature": _scalar("1", "coefficient of curvature C_c"),
-    "particle_count": _count("number of grains"),
-    "time_step": _scalar("s", "time step of the simulation"),
+    "particle_count": _count("number of grains", Range(1.0)),
+    "time_step": _scalar("s", "time step of the simulation", POSITIVE),
     "box_edge_ratio": _scalar("1", "box edge over largest grain diameter"),
-    "preparation_friction": _scalar("1", "preparation friction mu_0"),
-    "initial_void_ratio": _scalar("1", "initial void ratio e_0"),
-    "initial_mean_stress": _scalar("Pa", "initial mean stress p_0"),
-    "intermediate_stress_ratio": _scalar("1", "intermediate stress ratio b", nullable=True),
+    "preparation_friction": _scalar("1", "preparation friction mu_0", NOT_NEGATIVE),
+    "initial_void_ratio": _scalar("1", "initial void ratio e_0", POSITIVE),
+    # A continuum may start without stress; grains with voids between them hold together under
+    # pressure only.
+    "initial_mean_stress": VariableSpec(
+        _PATH,
+        "Pa",
+        "initial mean stress p_0",
+        "float64",
+        limits=NOT_NEGATIVE,
+        positive_with=("void_ratio", "particle_count"),
+    ),
+    "intermediate_stress_ratio": _scalar(
+        "1", "intermediate stress ratio b", Range(0.0, 1.0), nullable=True
+    ),
+    # Drawn strain paths; NaN where a path is of another family.
+    "strain_deviation": _scalar(
+        "1", "standard deviation of the principal strains", NOT_NEGATIVE, nullable=True
+    ),
+    "correlation_length": _scalar(
+        "1", "correlation length over the length of the path", POSITIVE, nullable=True
+    ),
+    "rotation_deviation": _scalar(
+        "rad", "standard deviation of the principal angle", NOT_NEGATIVE, nullable=True
+    ),
+    "initial_angle": _scalar("rad", "principal angle at the start", nullable=True),
+    "strain_amplitude": _scalar("1", "Frobenius norm of the peak strain", POSITIVE, nullable=True),
+    "strain_cycles": _scalar("1", "number of strain cycles", NOT_NEGATIVE, nullable=True),
+    "strain_ratio": _scalar("1", "lower over upper turning strain", nullable=True),
+    "volumetric_factor": _scalar(
+        "1", "factor on the volumetric part of the drawn strain", NOT_NEGATIVE
+    ),
     "seed": _count("seed of the packing", required=True),
     "replicate": _count("0: first packing; 1: prepared again with another seed"),
     "servo_error_rms": _scalar("1", "RMS relative error of the controlled stress"),
@@ -113,7 +205,11 @@ SCHEMA: dict[str, VariableSpec] = {
     "component": VariableSpec(("component",), "", "tensor component", "str", required=True),
     "shear_component": VariableSpec(("shear_component",), "", "shear component", "str"),
     "fabric_component": VariableSpec(("fabric_component",), "", "fabric component", "str"),
+    "strain_component": VariableSpec(("strain_component",), "", "strain component", "str"),
 }
+
+INTERNALS = tuple(name for name, spec in SCHEMA.items() if spec.internal)
+"""Dataset variables that are internal variables of a material."""
 
 REQUIRED_ATTRIBUTES = (
     "dataset",
@@ -170,126 +266,3 @@ def path_blocks(variable: xr.DataArray) -> Iterator[np.ndarray]:
                 f"cannot be read ({error}); the file is damaged, fetch it again"
             ) from error
         yield values
-
-
-def validate_records(ds: xr.Dataset, source: str = "the dataset") -> None:
-    """Check a dataset against the schema.
-
-    Parameters
-    ----------
-    ds : stress-strain records
-    source : file name for the error text
-
-    Raises
-    ------
-    DatasetError
-        Naming the file, the variable and the remedy: a missing variable, wrong dimensions,
-        units or type, a value that is not finite, strain that does not begin at zero, two
-        paths of one name, an unknown split, a specimen in two splits, a missing attribute.
-    """
-    for name, spec in SCHEMA.items():
-        if name in ds.variables:
-            _check_form(ds[name], name, spec, source)
-        elif spec.required:
-            raise DatasetError(
-                f"{source}: variable {name!r} ({spec.long_name}) is missing; "
-                f"add it with dimensions {_tuple(spec.dims)}"
-                + (f" and units {spec.units!r}" if spec.units else "")
-            )
-    for name in map(str, ds.variables):
-        if name not in SCHEMA and not {"units", "long_name"} <= set(ds[name].attrs):
-            raise DatasetError(
-                f"{source}: variable {name!r} is not part of the schema and has no units and "
-                "long_name; give it both attributes or remove it"
-            )
-    if missing := [name for name in REQUIRED_ATTRIBUTES if name not in ds.attrs]:
-        raise DatasetError(
-            f"{source}: global attribute {missing[0]!r} is missing; set it before writing "
-            f"(a dataset needs {', '.join(REQUIRED_ATTRIBUTES)})"
-        )
-    _check_components(ds, source)
-    _check_labels(ds, source)
-    _check_values(ds, source)
-
-
-def _tuple(dims: tuple[object, ...]) -> str:
-    return f"({', '.join(map(str, dims))})"
-
-
-def _check_form(variable: xr.DataArray, name: str, spec: VariableSpec, source: str) -> None:
-    if variable.dims != spec.dims:
-        raise DatasetError(
-            f"{source}: variable {name!r} has dimensions {_tuple(variable.dims)} instead of "
-            f"{_tuple(spec.dims)}; transpose or rename its dimensions"
-        )
-    found = {"f": "floating", "i": "integer", "u": "integer"}.get(variable.dtype.kind, "text")
-    if found != spec.kind:
-        raise DatasetError(
-            f"{source}: variable {name!r} holds {found} values instead of {spec.kind} ones; "
-            f"store it as {spec.dtype}"
-        )
-    units = variable.attrs.get("units", "")
-    if units != spec.units:
-        raise DatasetError(
-            f"{source}: variable {name!r} has units {units!r} instead of {spec.units!r}; "
-            f"convert its values and set its attribute 'units' to {spec.units!r}"
-        )
-
-
-def _check_components(ds: xr.Dataset, source: str) -> None:
-    labels = tuple(str(label) for label in ds["component"].values)
-    try:
-        component_order(labels)
-    except ConfigurationError as error:
-        raise DatasetError(f"{source}: variable 'component': {error}") from error
-
-
-def _check_labels(ds: xr.Dataset, source: str) -> None:
-    if ds.sizes["path"] == 0 or ds.sizes["step"] < 2:
-        raise DatasetError(
-            f"{source}: dimensions path and step have {ds.sizes['path']} and {ds.sizes['step']} "
-            "entries; a dataset needs at least one path of two steps"
-        )
-    identifiers, first_rows = np.unique(ds["path_id"].values.astype(str), return_index=True)
-    if len(identifiers) < ds.sizes["path"]:
-        repeated = min(set(range(ds.sizes["path"])) - set(first_rows.tolist()))
-        raise DatasetError(
-            f"{source}: variable 'path_id' holds {ds['path_id'].values[repeated]!r} more than "
-            "once; give every path a name of its own"
-        )
-    split_of: dict[str, str] = {}
-    for specimen, split in zip(ds["specimen"].values, ds["split"].values, strict=True):
-        if not SPLIT_PATTERN.fullmatch(str(split)):
-            raise DatasetError(
-                f"{source}: variable 'split' holds {str(split)!r}; use train, validation, test "
-                "or ood-NAME"
-            )
-        if split_of.setdefault(str(specimen), str(split)) != str(split):
-            raise DatasetError(
-                f"{source}: variable 'split' puts specimen {str(specimen)!r} in both "
-                f"{split_of[str(specimen)]!r} and {str(split)!r}; split by specimen"
-            )
-
-
-def _check_values(ds: xr.Dataset, source: str) -> None:
-    for name in map(str, ds.variables):
-        spec = SCHEMA.get(name)
-        if spec is None or spec.nullable or ds[name].dtype.kind != "f":
-            continue
-        row = 0
-        for block in path_blocks(ds[name]):
-            finite = np.isfinite(block).reshape(len(block), -1).all(axis=1)
-            if not finite.all():
-                path = ds["path_id"].values[row + int(np.argmin(finite))]
-                raise DatasetError(
-                    f"{source}: variable {name!r} has values that are NaN or infinite in "
-                    f"path {str(path)!r}; remove the path or mend its source"
-                )
-            row += len(block)
-    start = np.abs(ds["strain"].isel(step=0).values).max(axis=-1)
-    if (start > 0.0).any():
-        path = ds["path_id"].values[int(np.argmax(start > 0.0))]
-        raise DatasetError(
-            f"{source}: variable 'strain' is not zero at step 0 of path {str(path)!r}; measure "
-            "strain from the state that step 0 records"
-        )

@@ -37,6 +37,15 @@ def component_order(components: tuple[str, ...]) -> str:
     )
 
 
+def normal_mask(order: str) -> tuple[float, ...]:
+    """1 for a normal component of the order, 0 for a shear component.
+
+    A shear component stands twice in the tensor: in a double contraction it counts
+    ``2 - mask`` times.
+    """
+    return tuple(float(label[0] == label[-1]) for label in COMPONENT_ORDERS[order])
+
+
 def _diagonal_and_shear(tensor: Array, order: str) -> tuple[list[Array], list[Array]]:
     if order == "principal":
         return [tensor[..., i] for i in range(3)], []
@@ -98,6 +107,40 @@ def volumetric_strain(strain: Array, order: str = "principal") -> Array:
     """
     diagonal, _ = _diagonal_and_shear(strain, order)
     return sum(diagonal)
+
+
+def frobenius_norm(tensor: Array, order: str = "principal") -> Array:
+    """Frobenius norm sqrt(t:t), in which a shear component counts twice.
+
+    Parameters
+    ----------
+    tensor : (..., component), any unit
+    order : component order of the last axis
+
+    Returns
+    -------
+    (...), in the same unit
+    """
+    diagonal, shear = _diagonal_and_shear(tensor, order)
+    squares = sum(component**2 for component in diagonal)
+    return (squares + sum(2.0 * component**2 for component in shear)) ** 0.5
+
+
+def plane_components(
+    first: Array, second: Array, cosine: Array, sine: Array
+) -> tuple[Array, Array, Array]:
+    """Components xx, yy, xy of a tensor in the plane from its principal values (Eq 6.35).
+
+    Parameters
+    ----------
+    first, second : (...), principal values
+    cosine, sine : (...), of the angle from the x axis to the direction of `first`
+    """
+    return (
+        cosine**2 * first + sine**2 * second,
+        sine**2 * first + cosine**2 * second,
+        sine * cosine * (first - second),
+    )
 
 
 def intermediate_stress_ratio(stress: Array) -> Array:

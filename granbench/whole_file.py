@@ -1,6 +1,7 @@
 """Files that appear whole or not at all."""
 
 import contextlib
+import errno
 import os
 import shutil
 import uuid
@@ -8,6 +9,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from granbench.errors import GranbenchError
+
+FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
+"""Error numbers that more space would mend."""
 
 
 @contextlib.contextmanager
@@ -35,20 +39,31 @@ def whole_file(
         yield partial
         os.replace(partial, path)
     except causes as problem:
-        raise error(
-            f"{path}: cannot be written ({_reason(problem, path.parent, size)}); choose a folder "
-            "that is writable and has free space"
-        ) from problem
+        raise error(cannot_write(path, problem, size)) from problem
     finally:
         with contextlib.suppress(OSError):
             partial.unlink(missing_ok=True)
 
 
-def _reason(problem: Exception, folder: Path, size: int) -> str:
-    if isinstance(problem, OSError) and problem.strerror:
-        return problem.strerror
-    # HDF5 says "HDF error" whatever happened.
-    with contextlib.suppress(OSError):
-        if shutil.disk_usage(folder).free < size:
-            return "the disk is full"
-    return str(problem) or type(problem).__name__
+def cannot_write(path: Path, problem: Exception, size: int = 0) -> str:
+    """One sentence: a file or folder cannot be written, why, and what would mend that.
+
+    Parameters
+    ----------
+    path : what was to be written
+    problem : what the system or a library raised
+    size : bytes that were to be written, to tell a full disk where a library does not
+    """
+    reason = problem.strerror if isinstance(problem, OSError) else None
+    full = isinstance(problem, OSError) and problem.errno in FULL_DISK
+    if not reason:
+        # HDF5 says "HDF error" whatever happened.
+        with contextlib.suppress(OSError):
+            full = shutil.disk_usage(path.parent).free < size
+        reason = "the disk is full" if full else str(problem) or type(problem).__name__
+    remedy = "choose a folder that can be written"
+    if full:
+        remedy = "free some space or choose another folder"
+    elif isinstance(problem, IsADirectoryError):
+        remedy = "a folder has this name, choose another"
+    return f"{path}: cannot be written ({reason}); {remedy}"

@@ -145,12 +145,15 @@ def test_no_two_test_files_share_a_name() -> None:
 
 LAYERS = (
     ("errors", "tensors", "whole_file"),
-    ("cell", "schema", "records"),
+    ("cell", "schema", "schema_check", "records"),
     ("observations", "baseline", "predictions"),
     ("plotting", "paths"),
     ("data",),
+    ("models",),
+    ("element_test",),
     ("scoring",),
     ("protocols", "candidate"),
+    ("driven_model", "driving", "laboratory"),
     ("generators", "baselines", "leaderboard"),
     ("cli",),
 )

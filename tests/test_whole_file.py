@@ -1,9 +1,12 @@
 """A file appears whole or not at all, whatever happens while it is written."""
 
+import errno
+from pathlib import Path
+
 import pytest
 
 from granbench.errors import DatasetError
-from granbench.whole_file import whole_file
+from granbench.whole_file import cannot_write, whole_file
 
 
 def test_a_file_gets_its_name_only_when_it_is_complete(tmp_path):
@@ -30,6 +33,39 @@ def test_a_library_that_cannot_write_is_quoted_with_the_file(tmp_path):
         whole_file(tmp_path / "file.nc", DatasetError, RuntimeError),
     ):
         raise RuntimeError("HDF error")
+
+
+def test_where_nobody_can_write_another_folder_is_the_remedy():
+    with (
+        pytest.raises(
+            DatasetError, match=r"^/proc/file\.txt: cannot be written \([\w ]+\); "
+        ) as said,
+        whole_file(Path("/proc/file.txt"), DatasetError) as partial,
+    ):
+        partial.write_text("never")
+    assert str(said.value).endswith("; choose a folder that can be written")
+
+
+def test_a_folder_of_the_same_name_is_told_from_an_unwritable_one(tmp_path):
+    (tmp_path / "file.txt").mkdir()
+    with (
+        pytest.raises(DatasetError, match="a folder has this name, choose another$"),
+        whole_file(tmp_path / "file.txt", DatasetError) as partial,
+    ):
+        partial.write_text("never")
+
+
+@pytest.mark.parametrize(
+    ("problem", "size"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), 0),
+        (OSError(errno.EDQUOT, "Disk quota exceeded"), 0),
+        (RuntimeError("HDF error"), 1 << 62),  # more bytes than any disk has
+    ],
+)
+def test_a_full_disk_asks_for_space(tmp_path, problem, size):
+    said = cannot_write(tmp_path / "file.txt", problem, size)
+    assert said.endswith("; free some space or choose another folder")
 
 
 def test_a_file_in_the_place_of_the_folder_is_one_clear_sentence(tmp_path):

@@ -10,7 +10,7 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from granbench.errors import ModelError
-from granbench.whole_file import whole_file
+from granbench.whole_file import cannot_write, whole_file
 
 _DESCRIPTION = "description"
 
@@ -36,10 +36,7 @@ def write_tensors(path: Path, tensors: Mapping[str, Tensor], description: Any = 
 
 def unwritable(path: Path, error: Exception) -> ModelError:
     """The error for a file that could not be written."""
-    return ModelError(
-        f"{path}: cannot be written ({error}); choose a folder that exists, is writable and has "
-        "free space"
-    )
+    return ModelError(cannot_write(path, error))
 
 
 def read_tensors(path: Path) -> tuple[dict[str, Tensor], Any]:

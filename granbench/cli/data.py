@@ -134,8 +134,23 @@ def _print_summary(summary: dict[str, Any]) -> None:
     for name, counts in summary["splits"].items():
         splits.add_row(name, str(counts["paths"]), str(counts["specimens"]))
     console.print(splits)
+    if "strain_paths" in summary:
+        console.print(_strain_path_table(summary["strain_paths"]))
     for sentence in (_leak_sentence(summary["leaks"]), *_scatter_sentences(summary)):
         console.print(sentence, highlight=False, soft_wrap=True)
+
+
+def _strain_path_table(by_split: dict[str, dict[str, Any]]) -> Table:
+    table = Table("split", "median |Δε|", "std of strain", "max |ε|", "std of stress [kPa]")
+    for name, found in by_split.items():
+        table.add_row(
+            name,
+            f"{found['median_increment']:.2e}",
+            ", ".join(f"{value:.3f}" for value in found["strain_std"].values()),
+            f"{found['largest_strain']:.3f}",
+            ", ".join(f"{1e-3 * value:.3g}" for value in found["stress_std"].values()),
+        )
+    return table
 
 
 def _leak_sentence(leaks: dict[str, Any]) -> str:
@@ -154,6 +169,8 @@ def _leak_sentence(leaks: dict[str, Any]) -> str:
 
 
 def _scatter_sentences(summary: dict[str, Any]) -> Iterator[str]:
+    if "replicate_scatter" not in summary:
+        return
     scatter = summary["replicate_scatter"]
     if scatter is None:
         yield "No packing was prepared twice: the scatter between packings is unknown."
@@ -209,24 +226,29 @@ def verify(source: Source, as_json: Json = False, quiet: Quiet = False) -> None:
 @app.command()
 def plot(
     source: Source,
-    out: Annotated[Path | None, typer.Option("--out", help="PNG file to write.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="PNG, PDF or SVG file to write.")
+    ] = None,
     path: Annotated[
         list[str] | None, typer.Option("--path", help="Path to draw, as `info --paths` names it.")
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Draw stress ratio and void ratio against axial strain."""
+    """Draw stress ratio and void ratio against axial strain, or strain paths and stresses."""
     from granbench.data.store import file_of
-    from granbench.plotting.dataset import dataset_figure
-    from granbench.plotting.style import save_figure
+    from granbench.plotting import dataset_figure, strain_path_figure
+    from granbench.plotting.style import figure_format, save_figure
     from granbench.records import open_records
+    from granbench.tensors import component_order
 
+    if out is not None:
+        figure_format(out)  # before anything is fetched
     with _download_bar(quiet) as progress:
         file = file_of(source, progress)
     with open_records(file) as ds:
-        picture = save_figure(
-            dataset_figure(ds, paths=path or None), out or Path(f"{file.stem}.png")
-        )
+        in_plane = component_order(tuple(map(str, ds["component"].values))) == "plane"
+        draw = strain_path_figure if in_plane else dataset_figure
+        picture = save_figure(draw(ds, paths=path or None), out or Path(f"{file.stem}.png"))
     if not quiet:
         typer.echo(str(picture))
 

@@ -1,6 +1,7 @@
 """`granbench train`: train a baseline, or go on with a run that was begun."""
 
 import json
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from granbench.baseline import EpochReport
@@ -52,6 +55,10 @@ def train(
     The folder then holds model.safetensors and model.json, history.csv and learning_curve.png,
     and training.safetensors, from which a run continues.
     """
+    seconds = None if budget is None else _seconds(budget)
+    if out.exists() and not out.is_dir():
+        raise ConfigurationError(f"--out {out} is a file; give a folder for the run")
+
     import torch
 
     from granbench.baseline import DESCRIPTION_FILE, TrainingRequest, find_baseline
@@ -70,7 +77,7 @@ def train(
                 seed=seed,
                 preset=preset,
                 epochs=epochs,
-                seconds=None if budget is None else budget * SECONDS_PER_MINUTE,
+                seconds=seconds,
                 device=device,
                 on_epoch=show,
             )
@@ -85,6 +92,15 @@ def train(
             f"{run['best_epoch']} of {run['epochs']} (ended by {run['ended_by']}, "
             f"{run['seconds'] / SECONDS_PER_MINUTE:.1f} minutes); the model is in {folder}"
         )
+
+
+def _seconds(budget: float) -> float:
+    seconds = budget * SECONDS_PER_MINUTE
+    if not 0.0 < seconds < math.inf:
+        raise ConfigurationError(
+            f"--budget {budget:g} is no time to train in; give it in minutes, above 0"
+        )
+    return seconds
 
 
 @contextmanager

@@ -14,6 +14,7 @@ from torch.utils.data import Dataset
 from granbench.cell import Conditions, History
 from granbench.data.normalisation import Normalisation
 from granbench.errors import ConfigurationError
+from granbench.schema import INTERNALS
 from granbench.tensors import component_order, mean_stress
 
 __all__ = [
@@ -27,9 +28,6 @@ __all__ = [
     "history_of_batch",
     "path_key",
 ]
-
-INTERNALS = ("void_ratio",)
-"""Dataset variables that are internal variables of a material and may be predicted."""
 
 SPECIMEN_SCALARS = (
     "grading_index",
@@ -71,10 +69,12 @@ def _specimen_scalars(ds: xr.Dataset, dtype: torch.dtype) -> dict[str, Tensor]:
     return {name: _tensor(ds[name], dtype) for name in SPECIMEN_SCALARS if name in ds.coords}
 
 
-def _initial_scalars(stress: Tensor, void_ratio: Tensor | None, order: str) -> dict[str, Tensor]:
-    scalars = {"initial_mean_stress": mean_stress(stress, order)}
-    if void_ratio is not None:
-        scalars["initial_void_ratio"] = void_ratio
+def _initial_scalars(
+    stress: Tensor, internals: Mapping[str, Tensor], order: str
+) -> dict[str, Tensor]:
+    scalars = {"initial_mean_stress": mean_stress(stress, order), **internals}
+    if "void_ratio" in internals:
+        scalars["initial_void_ratio"] = internals["void_ratio"]
     return scalars
 
 
@@ -103,8 +103,9 @@ def conditions_of(ds: xr.Dataset, start: int = 0, dtype: torch.dtype = torch.flo
     Returns
     -------
     Conditions with the recorded stress (path, component); the scalars `initial_mean_stress`
-    and `initial_void_ratio` *at that step*, the specimen's (`SPECIMEN_SCALARS`), and for the
-    oracle `path_key` and `step_index`; and the accumulated strain up to it
+    (of the recorded components), `initial_void_ratio` and every internal variable of the
+    records *at that step*, the specimen's (`SPECIMEN_SCALARS`), and for the oracle `path_key`
+    and `step_index`; and the accumulated strain up to it
 
     Raises
     ------
@@ -116,13 +117,11 @@ def conditions_of(ds: xr.Dataset, start: int = 0, dtype: torch.dtype = torch.flo
             f"start step {start} is outside 0 ... {ds.sizes['step'] - 2} of the records"
         )
     stress = _tensor(ds["stress"].isel(step=start), dtype)
-    void_ratio = None
-    if "void_ratio" in ds:
-        void_ratio = _tensor(ds["void_ratio"].isel(step=start), dtype)
-    elif "initial_void_ratio" in ds.coords and start == 0:
-        void_ratio = _tensor(ds["initial_void_ratio"], dtype)
+    internals = {name: _tensor(ds[name].isel(step=start), dtype) for name in _internals(ds)}
     past = accumulated_strain(_tensor(ds["strain"].isel(step=slice(0, start + 1)), dtype))[:, -1]
-    scalars = _initial_scalars(stress, void_ratio, component_order(_labels(ds)))
+    scalars = _initial_scalars(stress, internals, component_order(_labels(ds)))
+    if "initial_void_ratio" in ds.coords and start == 0:
+        scalars.setdefault("initial_void_ratio", _tensor(ds["initial_void_ratio"], dtype))
     return Conditions(stress, scalars | _specimen_scalars(ds, dtype) | _place(ds, start), past)
 
 
@@ -130,9 +129,13 @@ def _labels(ds: xr.Dataset) -> tuple[str, ...]:
     return tuple(str(label) for label in ds["component"].values)
 
 
+def _internals(ds: xr.Dataset) -> list[str]:
+    return [name for name in INTERNALS if name in ds]
+
+
 def history_of(ds: xr.Dataset, dtype: torch.dtype = torch.float64) -> History:
     """The whole true record of every path, with its conditions at step 0."""
-    internals = {name: _tensor(ds[name], dtype) for name in INTERNALS if name in ds}
+    internals = {name: _tensor(ds[name], dtype) for name in _internals(ds)}
     return History(
         strain=_tensor(ds["strain"], dtype),
         stress=_tensor(ds["stress"], dtype),
@@ -148,7 +151,7 @@ class WindowDataset(Dataset):
     a dictionary of tensors that a `DataLoader` can batch:
 
     - `strain`, `stress` (length + 1, component); strain still counts from the path's start
-    - `void_ratio` (length + 1,), where the dataset has it
+    - `void_ratio` and the other internal variables (length + 1,) that the dataset has
     - `accumulated_strain` (component,), chi at the window's start
     - the specimen's scalars (), see `SPECIMEN_SCALARS`
 
@@ -192,7 +195,7 @@ class WindowDataset(Dataset):
         self.path_count = ds.sizes["path"]
         self._ds = ds
         self._dtype = dtype
-        self._series = ("strain", "stress", *(name for name in INTERNALS if name in ds))
+        self._series = ("strain", "stress", *_internals(ds))
         self._scalars = _specimen_scalars(ds, dtype)
         self._paths: OrderedDict[int, dict[str, Tensor]] = OrderedDict()
         self._bytes = 0
@@ -255,11 +258,9 @@ def history_of_batch(batch: Mapping[str, Any], order: str = "principal") -> Hist
     History over (window, step, component), whose conditions are those at the windows' starts
     """
     stress = batch["stress"]
-    void_ratio = batch.get("void_ratio")
-    scalars = _initial_scalars(
-        stress[:, 0], None if void_ratio is None else void_ratio[:, 0], order
-    )
-    scalars |= {name: batch[name] for name in SPECIMEN_SCALARS if name in batch}
     internals = {name: batch[name] for name in INTERNALS if name in batch}
+    at_start = {name: series[:, 0] for name, series in internals.items()}
+    scalars = _initial_scalars(stress[:, 0], at_start, order)
+    scalars |= {name: batch[name] for name in SPECIMEN_SCALARS if name in batch}
     conditions = Conditions(stress[:, 0], scalars, batch["accumulated_strain"])
     return History(batch["strain"], stress, internals, conditions)

@@ -8,10 +8,12 @@ import numpy as np
 import xarray as xr
 
 from granbench.data.replicates import replicate_scatter
-from granbench.data.splits import leak_report, split_hash, split_names
+from granbench.data.splits import leak_report, select_split, split_hash, split_names
+from granbench.data.strain_paths import strain_path_statistics
 from granbench.errors import DatasetError
 from granbench.observations import MONOTONIC_FAMILIES, select
 from granbench.plotting.quality import QUALITY_LIMITS
+from granbench.tensors import component_order
 
 
 def card_text(
@@ -35,13 +37,55 @@ def card_text(
         "## Design\n\n" + _design(records),
         *(f"![]({address})\n\n*{caption}*" for address, caption in figures.items()),
         *(f"The figure *{title}* is left out: {why}." for title, why in (undrawn or {}).items()),
-        "## How well the tests were controlled\n\n" + _quality(records),
-        "## Scatter between packings\n\n" + _scatter(records),
+        *_about_tests(records),
         "## Splits\n\n" + _splits(records),
         "## Variables\n\n" + _variables(records),
         "## Configuration\n\n" + _configuration(records),
     ]
     return "\n\n".join(section for section in sections if section) + "\n"
+
+
+def _about_tests(records: xr.Dataset) -> list[str]:
+    """What is to be said of drawn strain paths, or of tests on packings of grains."""
+    if component_order(tuple(map(str, records["component"].values))) == "plane":
+        scaling = records.attrs.get("admissible_scaling")
+        return [
+            "## Strain paths\n\n" + _strain_paths(records),
+            *([f"## Admissible paths\n\n{scaling}"] if scaling else []),
+        ]
+    return [
+        "## How well the tests were controlled\n\n" + _quality(records),
+        "## Scatter between packings\n\n" + _scatter(records),
+    ]
+
+
+def _strain_paths(records: xr.Dataset) -> str:
+    rows = []
+    for split in split_names(records):
+        found = strain_path_statistics(select_split(records, split))
+        factor = found.median_volumetric_factor
+        rows.append(
+            (
+                split,
+                found.paths,
+                f"{found.median_increment:.2e}",
+                ", ".join(f"{value:.3f}" for value in found.strain_std.values()),
+                f"{found.largest_strain:.3f}",
+                ", ".join(f"{1e-3 * value:.3g}" for value in found.stress_std.values()),
+                *([] if factor is None else [f"{factor:.2f}"]),
+            )
+        )
+    components = ", ".join(map(str, records["component"].values))
+    header = (
+        "split",
+        "paths",
+        "median norm of an increment",
+        f"standard deviation of strain {components}",
+        "largest strain",
+        f"standard deviation of stress {components} [kPa]",
+        *(["median volumetric factor"] if "volumetric_factor" in records.coords else []),
+    )
+    return _table(header, rows)
 
 
 def _table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

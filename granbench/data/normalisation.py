@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from granbench.data.splits import select_split
 from granbench.errors import DatasetError
+from granbench.schema import INTERNALS
 
-VARIABLES = ("strain", "stress", "void_ratio")
+VARIED = ("strain", "stress", "void_ratio")
+"""What scores are divided by; every component of it must vary."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Normalisation:
 
     @classmethod
     def from_training(cls, ds: xr.Dataset) -> "Normalisation":
-        """Those of `strain`, `stress` and, where the dataset has it, `void_ratio`.
+        """Those of `strain`, `stress` and the internal variables that the dataset has.
 
         Parameters
         ----------
@@ -39,17 +41,18 @@ class Normalisation:
         RegistryError
             If there is no training split.
         DatasetError
-            If a variable never varies in it.
+            If strain, stress or void ratio have a component that never varies in it. Another
+            internal variable may be constant, such as one that a start fixes.
         """
         training = select_split(ds, "train")
         mean, std = {}, {}
-        for name in VARIABLES:
+        for name in ("strain", "stress", *INTERNALS):
             if name not in training:
                 continue
             values = training[name].values.astype(np.float64)
             mean[name] = values.mean(axis=(0, 1))
             std[name] = values.std(axis=(0, 1))
-            if not (std[name] > 0.0).all():
+            if name in VARIED and not (std[name] > 0.0).all():
                 raise DatasetError(
                     f"{ds.attrs.get('dataset', 'the dataset')}: variable {name!r} has a component "
                     "that never varies in the training split, so nothing can be divided by its "

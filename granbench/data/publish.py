@@ -54,13 +54,19 @@ def make_mini(ds: xr.Dataset) -> xr.Dataset:
 
 
 def _mini_specimens(ds: xr.Dataset) -> list[str]:
-    """Names of the chosen packings: replicated ones first, then the most different ones."""
-    facts: dict[str, tuple[str, int, tuple[str, float]]] = {}
-    for row, name in enumerate(ds["specimen"].values.astype(str).tolist()):
-        kind = (str(ds["grading"].values[row]), float(ds["preparation_friction"].values[row]))
-        facts.setdefault(
-            name, (str(ds["split"].values[row]), int(ds["replicate"].values[row]), kind)
-        )
+    """Names of the chosen packings: replicated ones first, then the most different ones.
+
+    A specimen of a dataset that does not say how it was prepared is of a kind of its own.
+    """
+    names = ds["specimen"].values.astype(str).tolist()
+    replicates_of = ds["replicate"].values if "replicate" in ds.coords else np.zeros(len(names))
+    kinds: list[tuple[object, ...]] = [(name,) for name in names]
+    if "grading" in ds.coords:
+        preparation = (ds["grading"].values.tolist(), ds["preparation_friction"].values.tolist())
+        kinds = list(zip(*preparation, strict=True))
+    facts: dict[str, tuple[str, int, tuple[object, ...]]] = {}
+    for row, name in enumerate(names):
+        facts.setdefault(name, (str(ds["split"].values[row]), int(replicates_of[row]), kinds[row]))
     again = {kind: name for name, (_, replicate, kind) in facts.items() if replicate}
     chosen: list[str] = []
     replicates: list[str] = []

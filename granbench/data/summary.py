@@ -6,7 +6,8 @@ import numpy as np
 import xarray as xr
 
 from granbench.data.replicates import replicate_pairs, replicate_scatter
-from granbench.data.splits import leak_report, split_names
+from granbench.data.splits import leak_report, select_split, split_names
+from granbench.data.strain_paths import strain_path_statistics
 from granbench.tensors import component_order
 
 QUALITY = {
@@ -28,7 +29,8 @@ def summarise(ds: xr.Dataset) -> dict[str, Any]:
     Returns
     -------
     What the dataset has no coordinate for is left out; `replicate_scatter` is None when no
-    packing was prepared twice.
+    packing was prepared twice. Drawn strain paths, in the `plane` order, are described by
+    split in `strain_paths`.
     """
     summary: dict[str, Any] = {
         "dataset": str(ds.attrs["dataset"]),
@@ -63,8 +65,14 @@ def summarise(ds: xr.Dataset) -> dict[str, Any]:
         if name in ds.coords and not np.isnan(ds[name].values).all()
     }
     summary["leaks"] = leak_report(ds).as_dict()
-    has_floor = bool(replicate_pairs(ds)) and "train" in split_names(ds)
-    summary["replicate_scatter"] = replicate_scatter(ds).as_dict() if has_floor else None
+    if "replicate" in ds.coords:
+        has_floor = bool(replicate_pairs(ds)) and "train" in split_names(ds)
+        summary["replicate_scatter"] = replicate_scatter(ds).as_dict() if has_floor else None
+    if summary["component_order"] == "plane":
+        summary["strain_paths"] = {
+            name: strain_path_statistics(select_split(ds, name)).as_dict()
+            for name in split_names(ds)
+        }
     return summary
 
 

@@ -20,12 +20,20 @@ class LoadingProgramme(BaseModel, abc.ABC):
     The principal strain is ``driven_strain(s) + free_directions @ x`` with unknown x (control,);
     the driver finds x such that ``controlled_stresses @ stress = targets(s)``, which has as many
     rows as `free_directions` has columns. Directions are 11 (axial), 22 (intermediate) and
-    33 (minor); strain is logarithmic, compression positive.
+    33 (minor); strain is logarithmic, compression positive. A programme in the `full` order, for
+    shear, has six components wherever three are said here.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     loading_family: ClassVar[str]
+
+    order: ClassVar[str] = "principal"
+    """Component order of strain and stress, `principal` or `full`."""
+
+    driving_component: ClassVar[str | None] = None
+    """The strain component that the driving length is, where the programme may be followed to
+    and fro and below zero; None where the length only grows."""
 
     pressure: float
     """Initial mean stress p0, Pa, of the isotropic state that the path starts from."""

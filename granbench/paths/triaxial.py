@@ -12,6 +12,8 @@ from granbench.paths.programme import Floats, LoadingProgramme, held_ratio, requ
 class _ConstantRatio(LoadingProgramme):
     """Axial compression while b = (s22 - s33) / (s11 - s33) is held."""
 
+    driving_component: ClassVar[str | None] = "11"
+
     b: float
     axial_strain: float = 0.4
 

@@ -8,6 +8,11 @@ from granbench.plotting.dataset import (
     preparation_figure,
 )
 from granbench.plotting.packing import packing_figure
+from granbench.plotting.plane import (
+    increment_figure,
+    strain_path_figure,
+    stress_space_figure,
+)
 from granbench.plotting.quality import quality_figure
 from granbench.plotting.style import model_styles, save_figure
 from granbench.plotting.training import learning_curve_figure
@@ -16,6 +21,7 @@ __all__ = [
     "critical_state_figure",
     "cyclic_figure",
     "dataset_figure",
+    "increment_figure",
     "learning_curve_figure",
     "model_styles",
     "packing_figure",
@@ -23,4 +29,6 @@ __all__ = [
     "preparation_figure",
     "quality_figure",
     "save_figure",
+    "strain_path_figure",
+    "stress_space_figure",
 ]

@@ -25,6 +25,13 @@ PANEL_SIZE = (3.5, 2.9)
 RESOLUTION = 130
 """Dots per inch of a saved PNG: sharp in a page, some 100 kB."""
 
+UNDATED: dict[str, dict[str, Any]] = {
+    "png": {"Software": None},
+    "pdf": {"CreationDate": None},
+    "svg": {"Date": None},
+}
+"""Formats of a saved figure, and what matplotlib must leave out for the same bytes every time."""
+
 SETTINGS: dict[Any, Any] = {
     "axes.grid": True,
     "axes.spines.right": False,
@@ -173,15 +180,37 @@ def every(count: int, wanted: int) -> int:
     return max(1, round(count / wanted))
 
 
-def save_figure(figure: Figure, path: Path | str) -> Path:
-    """Write a figure as PNG, whole or not at all.
+def figure_format(path: Path) -> str:
+    """The format that the name of a figure's file asks for: png, pdf or svg.
 
     Raises
     ------
     ConfigurationError
-        If the folder cannot be written.
+        If the name ends in anything else.
+    """
+    name = path.suffix.removeprefix(".").lower()
+    if name not in UNDATED:
+        raise ConfigurationError(
+            f"{path}: cannot be written, for a figure is a .png, .pdf or .svg file; end its name "
+            "in one of them"
+        )
+    return name
+
+
+def save_figure(figure: Figure, path: Path | str) -> Path:
+    """Write a figure in the format that the file's name ends in, whole or not at all.
+
+    Raises
+    ------
+    ConfigurationError
+        If the format is unknown (see `figure_format`) or the folder cannot be written.
     """
     path = Path(path)
-    with whole_file(path, ConfigurationError) as partial:
-        figure.savefig(partial, format="png", dpi=RESOLUTION, metadata={"Software": None})
+    kind = figure_format(path)
+    # Without a salt matplotlib names the parts of an SVG at random.
+    with (
+        whole_file(path, ConfigurationError) as partial,
+        mpl.rc_context({"svg.hashsalt": "granbench"}),
+    ):
+        figure.savefig(partial, format=kind, dpi=RESOLUTION, metadata=UNDATED[kind])
     return path

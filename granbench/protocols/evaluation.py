@@ -10,7 +10,13 @@ import xarray as xr
 
 from granbench.cell import MaterialCell
 from granbench.errors import ConfigurationError, GranbenchError, ModelError
-from granbench.predictions import AXES, ProtocolSpec, assemble, protocols_of
+from granbench.predictions import (
+    AXES,
+    SCORED_INTERNALS,
+    ProtocolSpec,
+    assemble,
+    protocols_of,
+)
 from granbench.protocols.free_run import noise, rollout, window
 from granbench.protocols.single_step import single_step
 from granbench.protocols.surviving import Series
@@ -57,7 +63,9 @@ def predict(
     internals = [
         name
         for name in runs[0][0]
-        if name in dataset and all(name in cell.internals for cell in cells.values())
+        if name in SCORED_INTERNALS
+        and name in dataset
+        and all(name in cell.internals for cell in cells.values())
     ]
 
     def gather(name: str) -> np.ndarray:

@@ -8,7 +8,6 @@ import pytest
 import torch
 import xarray as xr
 
-from granbench.baseline import load_cell
 from granbench.baselines.mlstm import BASELINE
 from granbench.baselines.recurrent_baseline import seeded_network
 from granbench.baselines.recurrent_network import RecurrentConfiguration
@@ -18,6 +17,7 @@ from granbench.baselines.training.model_files import (
     ModelDescription,
     write_model,
 )
+from granbench.candidate import find_candidate
 from granbench.errors import ModelError
 
 ARCHITECTURE = RecurrentConfiguration(initial_layer=True)
@@ -38,7 +38,7 @@ def edit(model: Path, **changes: object) -> None:
 
 
 def test_weights_come_back_bit_for_bit(model: Path, records: xr.Dataset) -> None:
-    cell = load_cell(model, records)
+    cell = find_candidate(str(model), records).cell
     assert cell.name == "mlstm"
     for name, tensor in seeded_network(ARCHITECTURE, seed=0).state_dict().items():
         assert torch.equal(tensor, cell.network.state_dict()[name])
@@ -60,10 +60,10 @@ def test_loading_a_pickle_executes_nothing(
     mark = tmp_path / "executed"
     (model / WEIGHTS_FILE).write_bytes(pickle.dumps(Trap(mark)))
     with pytest.raises(ModelError, match=r"model\.safetensors"):
-        load_cell(model, records)
+        find_candidate(str(model), records)
     torch.save({"weights": Trap(mark)}, model / WEIGHTS_FILE)
     with pytest.raises(ModelError, match=r"model\.safetensors"):
-        load_cell(model, records)
+        find_candidate(str(model), records)
     assert not mark.exists()
 
 
@@ -72,7 +72,7 @@ def test_truncated_weights_are_refused(model: Path, records: xr.Dataset, keep: i
     whole = (model / WEIGHTS_FILE).read_bytes()
     (model / WEIGHTS_FILE).write_bytes(whole[:keep])
     with pytest.raises(ModelError, match=r"model\.safetensors.*damaged"):
-        load_cell(model, records)
+        find_candidate(str(model), records)
 
 
 def test_one_flipped_bit_is_noticed(model: Path, records: xr.Dataset) -> None:
@@ -80,32 +80,32 @@ def test_one_flipped_bit_is_noticed(model: Path, records: xr.Dataset) -> None:
     content[-3] ^= 1
     (model / WEIGHTS_FILE).write_bytes(content)
     with pytest.raises(ModelError, match="not those that"):
-        load_cell(model, records)
+        find_candidate(str(model), records)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"baseline": "mlstm"}'])
 def test_damaged_description_is_refused(model: Path, records: xr.Dataset, text: str) -> None:
     (model / DESCRIPTION_FILE).write_text(text)
     with pytest.raises(ModelError, match=r"model\.json.*damaged"):
-        load_cell(model, records)
+        find_candidate(str(model), records)
 
 
 def test_weights_of_another_architecture_are_refused(model: Path, records: xr.Dataset) -> None:
     edit(model, configuration=ARCHITECTURE.as_dict() | {"hidden": 51})
     with pytest.raises(ModelError, match="does not fit the architecture"):
-        load_cell(model, records)
+        find_candidate(str(model), records)
 
 
 def test_unknown_setting_is_refused(model: Path, records: xr.Dataset) -> None:
     edit(model, configuration={"initial_layer": True, "import": "os"})
     with pytest.raises(ModelError, match="unknown setting 'import'"):
-        load_cell(model, records)
+        find_candidate(str(model), records)
 
 
 def test_model_of_an_unregistered_baseline_is_refused(model: Path, records: xr.Dataset) -> None:
     edit(model, baseline="os.system")
     with pytest.raises(ModelError, match="unknown baseline"):
-        load_cell(model, records)
+        find_candidate(str(model), records)
 
 
 def test_model_of_another_baseline_is_refused(model: Path, records: xr.Dataset) -> None:
@@ -116,11 +116,11 @@ def test_model_of_another_baseline_is_refused(model: Path, records: xr.Dataset) 
 
 def test_folder_without_a_model_is_refused(tmp_path: Path, records: xr.Dataset) -> None:
     with pytest.raises(ModelError, match=r"holds no model\.json"):
-        load_cell(tmp_path, records)
+        find_candidate(str(tmp_path), records)
     with pytest.raises(ModelError, match="holds no trained model"):
         BASELINE.load(tmp_path, records)
 
 
 def test_records_without_void_ratio_are_refused(model: Path, records: xr.Dataset) -> None:
     with pytest.raises(ModelError, match="'void_ratio' is missing"):
-        load_cell(model, records.drop_vars("void_ratio"))
+        find_candidate(str(model), records.drop_vars("void_ratio"))

@@ -12,7 +12,7 @@ import pytest
 import torch
 import xarray as xr
 
-from granbench.baseline import TrainingRequest, load_cell
+from granbench.baseline import TrainingRequest
 from granbench.baselines import recurrent_records
 from granbench.baselines.lstm import BASELINE as LSTM
 from granbench.baselines.mlstm import BASELINE as MLSTM
@@ -22,6 +22,7 @@ from granbench.baselines.training import Recipe
 from granbench.baselines.training.history import read_history
 from granbench.baselines.training.model_files import WEIGHTS_FILE
 from granbench.baselines.training.progress import TRAINING_FILE
+from granbench.candidate import find_candidate
 from granbench.errors import ConfigurationError, ModelError, RegistryError
 from granbench.records import open_records, write_records
 
@@ -77,7 +78,7 @@ def test_the_trained_cell_has_the_validation_loss_of_its_best_epoch(
     records: xr.Dataset, tmp_path: Path
 ) -> None:
     folder = MLSTM.train(TrainingRequest(records, tmp_path, epochs=3))
-    cell = load_cell(folder, records)
+    cell = find_candidate(str(folder), records).cell
     validation = records.isel(path=records["split"].values == "validation")
     source = recurrent_records.window_source(
         validation, cell.network.scaling, 20, torch.device("cpu")

@@ -109,6 +109,14 @@ def test_plot_writes_a_picture(granbench, shelf, records_file, tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_figure_of_an_unknown_format_is_refused_before_anything_is_fetched(
+    granbench, shelf, records, tmp_path
+):
+    shelf.publish(records)  # there is no mirror: to fetch it would be another error
+    result = granbench("data", "plot", "synthetic", "--out", tmp_path / "p.xyz")
+    assert_one_sentence(result, "p.xyz", ".png, .pdf or .svg")
+
+
 def test_user_errors_are_one_sentence(granbench, shelf, records, tmp_path):
     shelf.publish(records)
     (tmp_path / "page.nc").write_text("<html>Not found</html>")
@@ -123,8 +131,9 @@ def test_user_errors_are_one_sentence(granbench, shelf, records, tmp_path):
     assert_one_sentence(granbench(*words), "cannot be written", "--dest")
     words = ("data", "plot", file, "--path", "nothing", "--out", tmp_path / "a.png")
     assert_one_sentence(granbench(*words), "no path 'nothing'")
-    words = ("data", "plot", file, "--out", tmp_path / "mirror")  # a folder
-    assert_one_sentence(granbench(*words), "mirror", "cannot be written")
+    (tmp_path / "folder.png").mkdir()
+    words = ("data", "plot", file, "--out", tmp_path / "folder.png")
+    assert_one_sentence(granbench(*words), "folder.png", "cannot be written", "choose another")
     assert_one_sentence(granbench("data", "list", "--jsn"), "--jsn")
 
 

@@ -62,7 +62,9 @@ def test_quiet_says_nothing(
         (("mlstm", "--preset", "fast"), "preset"),
         (("mlstm", "--device", "abacus"), "abacus"),
         (("mlstm", "--epochs", "0"), "epochs"),
-        (("mlstm", "--budget", "-1"), "budget"),
+        (("mlstm", "--budget", "-1"), "--budget -1 is no time to train in; give it in minutes"),
+        (("mlstm", "--budget", "0"), "minutes"),
+        (("mlstm", "--budget", "nan"), "minutes"),
         (("mlstm", "--seed", "-1"), "--seed"),
         (("mlstm", "--speed", "9"), "--speed"),
         (("mlstm", "--task", "no-such-dataset"), "no-such-dataset"),
@@ -83,6 +85,23 @@ def test_bad_input_is_one_sentence(
     assert captured.err.count("\n") == 1
     assert "Traceback" not in captured.err
     assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("below", "said"),
+    [("", "is a file; give a folder"), ("below", "cannot be written (Not a directory); choose")],
+)
+def test_a_file_in_the_place_of_the_folder_is_one_sentence(
+    records_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture, below: str, said: str
+) -> None:
+    taken = tmp_path / "notes.txt"
+    taken.write_text("mine")
+    words = ("--task", records_file, "--epochs", 1, "--out", taken / below)
+    assert run("train", "lstm", *words) == 2
+    error = capsys.readouterr().err
+    assert "notes.txt" in error and said in error
+    assert "Errno" not in error and error.count("\n") == 1
+    assert taken.read_text() == "mine"
 
 
 def test_folder_of_another_run_is_refused(

@@ -1,11 +1,13 @@
 """The campaign executor: real processes, really killed."""
 
+import errno
 import os
 import random
 import shutil
 import signal
 import threading
 import time
+from pathlib import Path
 
 import pytest
 from campaign_support import (
@@ -208,6 +210,20 @@ def test_a_folder_that_cannot_be_made_is_one_clear_sentence(tmp_path):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(ConfigurationError, match=r"cannot be written: Not a directory.*--out"):
         quiet(walks(), tmp_path / "file" / "campaign")
+
+
+def test_where_nobody_can_write_another_folder_is_the_remedy():
+    with pytest.raises(ConfigurationError, match=r"with --out, name a folder that can be written$"):
+        quiet(walks(), Path("/proc/campaign"))
+
+
+def test_a_disk_that_is_full_from_the_start_asks_for_space(tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "mkdir", full)
+    with pytest.raises(ConfigurationError, match=r"No space left.*free space there or name"):
+        quiet(walks(), tmp_path)
 
 
 def test_a_full_disk_stops_the_campaign_and_blames_no_job(tmp_path):

@@ -1,5 +1,6 @@
 """The campaign executor on a real dask.distributed scheduler with real workers."""
 
+import shutil
 import signal
 import socket
 import subprocess
@@ -151,7 +152,17 @@ def test_a_lost_scheduler_is_a_clear_error_and_the_campaign_resumes(
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:nowhere", "nowhere"])
 def test_an_address_that_is_none_is_refused(tmp_path, address):
     with pytest.raises(ConfigurationError, match=f"no dask scheduler answers at {address}"):
-        quiet(walks(), tmp_path, scheduler=address)
+        quiet(walks(), tmp_path / "new" / "campaign", scheduler=address)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_campaign_that_was_begun_asks_for_a_scheduler_only_when_it_has_jobs_left(tmp_path):
+    nobody = "tcp://127.0.0.1:nowhere"
+    done = quiet(walks(), tmp_path).done
+    assert quiet(walks(), tmp_path, scheduler=nobody).done == done
+    shutil.rmtree(done["walk/1"])
+    with pytest.raises(ConfigurationError, match="no dask scheduler answers"):
+        quiet(walks(), tmp_path, scheduler=nobody)
 
 
 def test_a_service_that_is_no_scheduler_is_refused_in_time(tmp_path, monkeypatch):

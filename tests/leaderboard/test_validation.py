@@ -134,6 +134,11 @@ REFUSED: dict[str, tuple[Change, str]] = {
     "NaN": (lambda c: first_scored(c).update(value=math.nan), "holds NaN"),
     "infinity": (lambda c: first_scored(c).update(high=math.inf), "holds Infinity"),
     "unknown field": (lambda c: c.update(score=1.0), "field score"),
+    "list as dataset": (lambda c: c.update(dataset=[]), "field dataset: must be a JSON object"),
+    "list as scales": (
+        lambda c: c["normalisation"].update(stress=[]),
+        "field normalisation.stress: must be a JSON object",
+    ),
     "no authors": (lambda c: c.update(authors=[]), "field authors"),
     "script as code": (lambda c: c.update(code="javascript:alert(1)"), "field code"),
     "value as text": (lambda c: first_scored(c).update(value="good"), r"field scores\.\d+"),
@@ -154,7 +159,9 @@ def test_a_submission_that_does_not_hold_is_refused(submission_file, sealed, cas
     [
         (b"", "not JSON"),
         (b"<html>", "not JSON"),
-        (b"[1, 2]", "dictionary|object"),
+        (b"[]", r"s\.json holds no JSON object; give the file that `granbench evaluate` wrote$"),
+        (b"[1, 2]", "holds no JSON object"),
+        (b"null", "holds no JSON object"),
         (b'{"name": "a", "name": "b"}', "key 'name' twice"),
         (b"\xff\xfe", "UTF-8"),
         (b"[" * 100_000, "nested too deeply|not JSON"),

@@ -50,6 +50,31 @@ def test_saving_writes_the_whole_picture_and_nothing_else(tmp_path: Path) -> Non
     assert [file.name for file in picture.parent.iterdir()] == ["empty.png"]
 
 
+@pytest.mark.parametrize(
+    ("name", "begins"), [("a.png", b"\x89PNG"), ("a.pdf", b"%PDF"), ("a.SVG", b"<?xml")]
+)
+def test_the_name_decides_the_format_and_the_bytes_are_always_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, begins: bytes
+) -> None:
+    files = []
+    for folder, seconds in (("one", "0"), ("two", "1000000000")):
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", seconds)  # matplotlib's clock
+        figure, axes = figure_grid()
+        axes[0].plot([0.0, 1.0], label="line")
+        axes[0].legend()
+        files.append(save_figure(figure, tmp_path / folder / name).read_bytes())
+    assert files[0].startswith(begins)
+    assert files[0] == files[1]
+
+
+@pytest.mark.parametrize("name", ["a.xyz", "a.jpg", "a", ".png"])
+def test_a_name_without_a_known_format_is_refused(tmp_path: Path, name: str) -> None:
+    figure, _ = figure_grid()
+    with pytest.raises(ConfigurationError, match=r"a figure is a \.png, \.pdf or \.svg file"):
+        save_figure(figure, tmp_path / "new" / name)
+    assert not list(tmp_path.iterdir())
+
+
 def test_an_unwritable_folder_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     figure, _ = figure_grid()

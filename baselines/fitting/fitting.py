@@ -1,0 +1,256 @@
+"""Fit a classical model to laboratory tests."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import torch
+import xarray as xr
+from torch import Tensor
+
+from granbench.baselines.fitting.curves import TestError, curves_of, errors_of
+from granbench.baselines.fitting.observations import CONTROLS, TestBatch, batches_of
+from granbench.baselines.fitting.optimisation import (
+    FARTHEST,
+    Effort,
+    Minimum,
+    OnIteration,
+    adam,
+    levenberg_marquardt,
+)
+from granbench.baselines.fitting.parameter_space import ParameterSpace
+from granbench.baselines.fitting.problem import Problem
+from granbench.baselines.fitting.rollouts import predict
+from granbench.baselines.fitting.uncertainty import (
+    Identifiability,
+    Uncertainty,
+    bootstrap,
+    laplace,
+)
+from granbench.errors import ConfigurationError, ModelError
+from granbench.laboratory import LaboratoryTest
+from granbench.models import ClassicalCell
+
+SAME_COST = 1e-3
+"""Relative difference of two sums of squares below which two starts found the same minimum."""
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How a model is fitted.
+
+    Parameters
+    ----------
+    free : parameters that are fitted; all by default
+    control : see `batches_of`
+    points : to which each test is thinned
+    weights : of the compared quantities by name; 1 by default
+    starts : number of starts, the first from the values that the cell has
+    spread : standard deviation of the others, of the unconstrained numbers
+    seed : of the starts and the bootstrap
+    effort : of the search
+    bootstrap : samples; 0 for intervals from the curvature
+
+    Raises
+    ------
+    ConfigurationError
+        If a number makes no sense.
+    """
+
+    free: tuple[str, ...] | None = None
+    control: str = "auto"
+    points: int = 60
+    weights: Mapping[str, float] = field(default_factory=dict)
+    starts: int = 8
+    spread: float = 0.5
+    seed: int = 0
+    effort: Effort = field(default_factory=Effort)
+    bootstrap: int = 0
+
+    def __post_init__(self) -> None:
+        """Raise ConfigurationError for what no fit can be made with."""
+        if self.control not in CONTROLS:
+            raise ConfigurationError(
+                f"control {self.control!r} is unknown; use {', '.join(CONTROLS)}"
+            )
+        least = {"points": 5, "starts": 1, "seed": 0, "bootstrap": 0}
+        for name, bound in least.items():
+            if getattr(self, name) < bound:
+                raise ConfigurationError(
+                    f"{name} = {getattr(self, name)} is too few; give {bound} or more"
+                )
+        if self.bootstrap in range(1, 20):
+            raise ConfigurationError(
+                f"bootstrap = {self.bootstrap} samples give no 95 % interval; take 20 or more"
+            )
+        if not 0.0 <= self.spread < float("inf"):
+            raise ConfigurationError(f"spread = {self.spread:g} must not be negative")
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted model and how good it is.
+
+    Parameters
+    ----------
+    cell : the model with the fitted parameters
+    start : the values that the search began with, by name
+    space : the free parameters, about those values
+    vector : (parameter,), the minimum
+    error : root-mean-square over the fitted tests of their errors
+    minimum : where each start ended
+    identifiability, uncertainty : of the free parameters
+    errors : of every test, fitted or left out
+    curves : measured and predicted curves of every test, see `curves_of`
+    warnings : what a user should know before using the parameters, one sentence each
+    """
+
+    cell: ClassicalCell
+    start: Mapping[str, float]
+    space: ParameterSpace
+    vector: Tensor
+    error: float
+    minimum: Minimum
+    identifiability: Identifiability
+    uncertainty: Uncertainty
+    errors: tuple[TestError, ...]
+    curves: xr.Dataset
+    warnings: tuple[str, ...]
+
+    def interval(self) -> dict[str, tuple[float, float]]:
+        """Ends of the 95 % interval of the value of every identifiable parameter, by name.
+
+        One that the tests do not identify has none: along a flat direction the curvature says
+        nothing of how far it goes.
+        """
+        low, high = (
+            self.space.values(end) for end in (self.uncertainty.low, self.uncertainty.high)
+        )
+        return {
+            name: (float(low[name]), float(high[name]))
+            for name in self.space.names
+            if self.identifiability.identifiable[name]
+        }
+
+
+def fit(
+    cell: ClassicalCell,
+    tests: Sequence[LaboratoryTest],
+    settings: FitSettings | None = None,
+    *,
+    left_out: Sequence[LaboratoryTest] = (),
+    on: OnIteration | None = None,
+) -> Fit:
+    """Fit the parameters of a model to tests.
+
+    Parameters
+    ----------
+    cell : in the `principal` order, with the values to start from
+    tests : that are fitted
+    settings : how
+    left_out : tests that are predicted only
+    on : called after each iteration of the search
+
+    Raises
+    ------
+    ConfigurationError
+        If there is nothing to fit, or settings and tests do not go together.
+    ModelError
+        If the model cannot start as the tests do.
+    """
+    settings = settings or FitSettings()
+    if not tests:
+        raise ConfigurationError("there is no test to fit; give one that is not left out")
+    if cell.order != "principal":
+        raise ConfigurationError(
+            f"{cell.name} has {cell.order} components, laboratory tests principal ones; make the "
+            "cell in the principal order"
+        )
+    space = ParameterSpace.of(cell, settings.free)
+    problem = Problem(space, _batches(tests, settings))
+    minimum = _searched(problem, settings, on)
+    best = int(minimum.cost.argmin())
+    vector = minimum.vectors[best]
+    residual, jacobian = (part[0] for part in problem.linearised(vector[None]))
+    error = float((residual**2).sum() / problem.tests) ** 0.5
+    identifiability = Identifiability.of(space.names, jacobian, problem.tests, error)
+    if settings.bootstrap:
+        uncertainty = bootstrap(
+            problem, vector, residual, settings.bootstrap, settings.seed, settings.effort
+        )
+    else:
+        uncertainty = laplace(vector, residual, jacobian, problem.batches)
+    values = {name: float(value) for name, value in space.values(vector).items()}
+    roles = {"fitted": problem.batches, "left out": _batches(left_out, settings)}
+    predicted = [
+        (role, batch, predict(space, vector[None], batch))
+        for role, batches in roles.items()
+        for batch in batches
+    ]
+    errors = tuple(error for each in predicted for error in errors_of(*each))
+    return Fit(
+        cell=cell.copy_with(values),
+        start=cell.values(),
+        space=space,
+        vector=vector,
+        error=error,
+        minimum=minimum,
+        identifiability=identifiability,
+        uncertainty=uncertainty,
+        errors=errors,
+        curves=curves_of(predicted),
+        warnings=tuple(_warnings(space, vector, minimum, identifiability, errors)),
+    )
+
+
+def _batches(tests: Sequence[LaboratoryTest], settings: FitSettings) -> list[TestBatch]:
+    return batches_of(
+        tests, control=settings.control, points=settings.points, weights=settings.weights
+    )
+
+
+def _searched(problem: Problem, settings: FitSettings, on: OnIteration | None) -> Minimum:
+    vectors = problem.space.starts(settings.starts, settings.spread, settings.seed)
+    possible = problem.residuals(vectors).isfinite().all(dim=1)
+    if not possible.any():
+        predict(problem.space, vectors[:1], problem.batches[0])  # raises what the model says
+        raise ModelError(
+            f"{problem.space.cell.name} can start none of the tests; give other first values"
+        )
+    vectors = vectors[possible]
+    if settings.effort.adam_iterations:
+        vectors = adam(problem, vectors, settings.effort, on)
+    return levenberg_marquardt(problem, vectors, settings.effort, on)
+
+
+def _warnings(
+    space: ParameterSpace,
+    vector: Tensor,
+    minimum: Minimum,
+    identifiability: Identifiability,
+    errors: Sequence[TestError],
+) -> list[str]:
+    found = []
+    if lost := [name for name, known in identifiability.identifiable.items() if not known]:
+        found.append(
+            f"the tests do not identify {', '.join(lost)}: other values fit as well; fix "
+            f"{'some of them' if len(lost) > 1 else 'it'} with --free, or add tests"
+        )
+    best = int(minimum.cost.argmin())
+    if not bool(minimum.converged[best]):
+        found.append("the search ended before it converged; allow more iterations")
+    stopped = [
+        name
+        for name, number in zip(space.names, vector.tolist(), strict=True)
+        if abs(number) >= FARTHEST
+    ]
+    if stopped:
+        found.append(f"{', '.join(stopped)} ran to the end of the range that is searched")
+    same = minimum.cost <= minimum.cost[best] * (1.0 + SAME_COST) + torch.finfo(torch.float64).eps
+    if len(same) > 1 and int(same.sum()) == 1:
+        found.append(
+            f"only one of {len(same)} starts found the best fit; take more starts to be sure of it"
+        )
+    for error in errors:
+        if error.lost:
+            found.append(f"the model cannot follow test {error.name} to its end")
+    return found

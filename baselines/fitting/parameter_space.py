@@ -1,0 +1,122 @@
+"""The free parameters of a model as one vector of unconstrained numbers, many vectors at a time.
+
+`Parameter.constrained` maps a number u to a value: u = 0 is the value that the cell was made with,
+and for a positive parameter u is the logarithm of the factor to it.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from granbench.errors import ConfigurationError
+from granbench.models import ClassicalCell
+from granbench.models.parameters import Parameter
+
+
+@dataclass(frozen=True)
+class ParameterSpace:
+    """Which parameters of a cell are fitted.
+
+    Parameters
+    ----------
+    cell : the model; its own parameters stay what they are
+    names : of the free parameters, in the order of the vectors
+    """
+
+    cell: ClassicalCell
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, cell: ClassicalCell, free: Sequence[str] | None = None) -> "ParameterSpace":
+        """The space of the parameters that are named; all by default.
+
+        Raises
+        ------
+        ConfigurationError
+            If the model has no such parameter, or none is free.
+        """
+        table = [parameter.name for parameter in cell.parameter_table]
+        for name in free or ():
+            if name not in table:
+                raise ConfigurationError(
+                    f"{cell.name} has no parameter {name!r} to fit; there are {', '.join(table)}"
+                )
+        names = tuple(name for name in table if free is None or name in free)
+        if not names:
+            raise ConfigurationError(f"no parameter of {cell.name} is free; name one to fit")
+        return cls(cell, names)
+
+    @property
+    def size(self) -> int:
+        """Number of free parameters."""
+        return len(self.names)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The free parameters."""
+        by_name = {parameter.name: parameter for parameter in self.cell.parameter_table}
+        return tuple(by_name[name] for name in self.names)
+
+    def values(self, vectors: Tensor) -> dict[str, Tensor]:
+        """Values of the free parameters, each (...), of vectors (..., size)."""
+        with torch.no_grad():
+            return {
+                parameter.name: parameter.constrained(
+                    vectors[..., place], self.cell.reference[parameter.name]
+                )
+                for place, parameter in enumerate(self.parameters)
+            }
+
+    def starts(self, count: int, spread: float, seed: int) -> Tensor:
+        """First vectors (count, size): zero, the cell's own values, and normal ones about it.
+
+        Parameters
+        ----------
+        count : of starts
+        spread : standard deviation; 1 scatters a positive parameter by a factor e
+        seed : of the random numbers
+        """
+        generator = torch.Generator().manual_seed(seed)
+        shape = (count, self.size)
+        vectors = spread * torch.randn(shape, generator=generator, dtype=torch.float64)
+        vectors[0] = 0.0
+        return vectors
+
+    def per_point(self, vectors: Tensor, tests: int) -> dict[str, Tensor]:
+        """Unconstrained parameters (point,) by name, for points vector by vector, then test."""
+        columns = vectors.unbind(dim=1)
+        return {
+            name: column.repeat_interleave(tests)
+            for name, column in zip(self.names, columns, strict=True)
+        }
+
+
+class _Holder(torch.nn.Module):
+    """Makes anything that is done with a cell a call of a module, as `functional_call` wants it."""
+
+    def __init__(self, cell: ClassicalCell) -> None:
+        super().__init__()
+        self.cell = cell
+
+    def forward(self, action: Callable[[ClassicalCell], Any]) -> Any:
+        return action(self.cell)
+
+
+def with_parameters(
+    cell: ClassicalCell, free: Mapping[str, Tensor], action: Callable[[ClassicalCell], Any]
+) -> Any:
+    """What an action with a cell returns while the cell has other unconstrained parameters.
+
+    Parameters
+    ----------
+    cell : left as it was
+    free : () or (point,) by name; they may carry gradients of either mode
+    action : called with the cell
+    """
+    # The others without their gradient, which nobody asks for and which would cost a graph.
+    fixed = {name: value.detach() for name, value in cell.free.items()}
+    replaced = {f"cell.free.{name}": value for name, value in {**fixed, **free}.items()}
+    return torch.func.functional_call(_Holder(cell), replaced, (action,))

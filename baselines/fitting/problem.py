@@ -1,0 +1,101 @@
+"""The least-squares problem of a fit: residuals and Jacobians of many parameter vectors."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from granbench.baselines.fitting.observations import TestBatch
+from granbench.baselines.fitting.parameter_space import ParameterSpace
+from granbench.baselines.fitting.rollouts import (
+    Prediction,
+    differentiable_quantities,
+    predict,
+    sensitivity,
+)
+from granbench.errors import ModelError
+
+LOST = 3.0
+"""Error, in ranges of the quantity, that counts for every point that a model does not reach."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Tests and the parameters that are to answer them.
+
+    Parameters
+    ----------
+    space : the free parameters
+    batches : the tests
+
+    Notes
+    -----
+    The residuals are the weighted errors of all points; the sum of their squares is the sum over
+    tests of the squared error, which for weights of one is the mean square over a test's points
+    and quantities of (predicted - measured)/range.
+    """
+
+    space: ParameterSpace
+    batches: Sequence[TestBatch]
+
+    @property
+    def tests(self) -> int:
+        """Number of tests."""
+        return sum(batch.size for batch in self.batches)
+
+    def residuals(self, vectors: Tensor) -> Tensor:
+        """Residuals (vector, residual); infinite where the model cannot start with a vector."""
+        return torch.cat([self._residuals(vectors, batch)[0] for batch in self.batches], dim=1)
+
+    def linearised(self, vectors: Tensor) -> tuple[Tensor, Tensor]:
+        """Residuals (vector, residual) and their Jacobian (vector, residual, parameter).
+
+        Raises
+        ------
+        ModelError
+            If the model cannot start with a vector.
+        """
+        residuals, jacobians = [], []
+        for batch in self.batches:
+            residual, prediction = self._residuals(vectors, batch)
+            if prediction is None:
+                # With a start that fails there is nothing to linearise: let the model say why.
+                prediction = predict(self.space, vectors, batch)
+            change = sensitivity(self.space, vectors, batch, prediction)
+            reached = prediction.quantities(batch).isfinite()[..., None]
+            change = torch.where(reached, change, 0.0).nan_to_num(posinf=0.0, neginf=0.0)
+            weighted = batch.residual_weight[None, ..., None] * change
+            residuals.append(residual)
+            jacobians.append(weighted.flatten(1, 3))
+        return torch.cat(residuals, dim=1), torch.cat(jacobians, dim=1)
+
+    def loss(self, vectors: Tensor) -> Tensor:
+        """Sum of squares (vector,) with gradients, by back-propagation through the sequences."""
+        total = torch.zeros(len(vectors), dtype=torch.float64)
+        for batch in self.batches:
+            predicted = differentiable_quantities(self.space, vectors, batch)
+            residual = _weighted_errors(predicted, batch)
+            total = total + (residual**2).sum(dim=1)
+        return total
+
+    def _residuals(self, vectors: Tensor, batch: TestBatch) -> tuple[Tensor, Prediction | None]:
+        try:
+            prediction = predict(self.space, vectors, batch)
+        except ModelError:
+            if len(vectors) == 1:
+                return torch.full((1, batch.observed.numel()), torch.inf).double(), None
+            middle = len(vectors) // 2
+            halves = [
+                self._residuals(part, batch)[0] for part in (vectors[:middle], vectors[middle:])
+            ]
+            return torch.cat(halves), None
+        return _weighted_errors(prediction.quantities(batch), batch), prediction
+
+
+def _weighted_errors(predicted: Tensor, batch: TestBatch) -> Tensor:
+    """Residuals (vector, residual) of what was predicted (vector, test, step, quantity)."""
+    error = predicted - batch.observed
+    lost = ~torch.isfinite(error)
+    error = torch.where(lost, LOST * batch.scale[:, None].expand_as(error), error)
+    return (batch.residual_weight * error).flatten(1)

@@ -1,0 +1,153 @@
+"""What a fit leaves behind: a report as JSON, curves as CSV, a picture, records to score on."""
+
+import csv
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granbench import __version__
+from granbench.baselines.fitting.fitting import Fit, FitSettings
+from granbench.errors import ConfigurationError
+from granbench.laboratory import LaboratoryTest
+from granbench.whole_file import whole_file
+
+REPORT, CURVES, PICTURE = "fit.json", "curves.csv", "fit.png"
+
+
+def report_of(
+    fit: Fit,
+    settings: FitSettings,
+    tests: Sequence[LaboratoryTest],
+    left_out: Sequence[LaboratoryTest],
+) -> dict[str, Any]:
+    """The fit as what JSON can hold: SI units, errors as shares of a quantity's range.
+
+    Parameters
+    ----------
+    fit : what was found
+    settings : how
+    tests, left_out : what was fitted and what was only predicted
+    """
+    intervals, values = fit.interval(), fit.cell.values()
+    known, spread = fit.identifiability, fit.uncertainty
+    cost = fit.minimum.cost
+    return {
+        "model": fit.cell.name,
+        "granbench_version": __version__,
+        "error": fit.error,
+        "errors": [
+            {
+                "test": error.name,
+                "role": error.role,
+                "control": error.control,
+                "points": error.points,
+                "error": error.total,
+                "by_quantity": dict(error.by_quantity),
+                "points_not_reached": error.lost,
+            }
+            for error in fit.errors
+        ],
+        "parameters": [
+            {
+                "name": parameter.name,
+                "symbol": parameter.symbol,
+                "units": parameter.units,
+                "meaning": parameter.meaning,
+                "value": values[parameter.name],
+                "first_value": fit.start[parameter.name],
+                "free": parameter.name in fit.space.names,
+                "interval_95": list(intervals[parameter.name])
+                if parameter.name in intervals
+                else None,
+                "identifiable": known.identifiable.get(parameter.name),
+            }
+            for parameter in fit.cell.parameter_table
+        ],
+        "uncertainty": {
+            "method": spread.method,
+            "names": list(fit.space.names),
+            "correlation": np.round(spread.correlation, 6).tolist(),
+        },
+        "identifiability": {
+            "names": list(known.names),
+            "effects": known.effects.tolist(),
+            "directions": known.directions.tolist(),
+            "threshold": known.threshold,
+        },
+        "starts": {
+            "count": len(cost),
+            "errors": ((cost / max(1, _fitted(fit))) ** 0.5).tolist(),
+            "converged": fit.minimum.converged.tolist(),
+            "iterations": fit.minimum.iterations.tolist(),
+        },
+        "settings": {
+            "free": list(fit.space.names),
+            "control": settings.control,
+            "points": settings.points,
+            "weights": dict(settings.weights),
+            "starts": settings.starts,
+            "spread": settings.spread,
+            "seed": settings.seed,
+            "bootstrap": settings.bootstrap,
+            "effort": vars(settings.effort),
+        },
+        "tests": [
+            {
+                "name": test.name,
+                "source": test.source,
+                "kind": test.kind,
+                "points": test.steps,
+                "initial_mean_stress": test.initial_mean_stress,
+                "initial_void_ratio": test.initial_void_ratio,
+            }
+            for test in (*tests, *left_out)
+        ],
+        "warnings": list(fit.warnings),
+    }
+
+
+def _fitted(fit: Fit) -> int:
+    return sum(error.role == "fitted" for error in fit.errors)
+
+
+def write_report(report: dict[str, Any], path: Path) -> Path:
+    """Write a report as JSON.
+
+    Raises
+    ------
+    ConfigurationError
+        If the folder cannot be written.
+    """
+    with whole_file(path, ConfigurationError) as partial:
+        partial.write_text(json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    return path
+
+
+def write_curves(fit: Fit, path: Path) -> Path:
+    """Write measured and predicted curves as CSV, one row a point; strain as ratio, stress in Pa.
+
+    Raises
+    ------
+    ConfigurationError
+        If the folder cannot be written.
+    """
+    names = [str(name) for name in fit.curves.data_vars]
+    units = [fit.curves[name].attrs["units"].replace("1", "-") for name in names]
+    header = ["test", "role", *(f"{n} [{u}]" for n, u in zip(names, units, strict=True))]
+    with (
+        whole_file(path, ConfigurationError) as partial,
+        partial.open("w", newline="", encoding="utf-8") as file,
+    ):
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(header)
+        for test in range(fit.curves.sizes["test"]):
+            member = fit.curves.isel(test=test)
+            label = [str(member["test"].values), str(member["role"].values)]
+            columns = [member[name].values for name in names]
+            for row in zip(*columns, strict=True):
+                if np.isfinite(row[names.index("axial_strain")]):
+                    writer.writerow([*label, *(f"{value:.9g}" for value in row)])
+    return path

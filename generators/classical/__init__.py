@@ -1,0 +1,1 @@
+"""Datasets `gp-*`: drawn strain paths through classical models."""

@@ -1,0 +1,115 @@
+"""Strain paths that a pressure-dependent model can follow.
+
+A Gaussian-process path dilates by some ten percent as often as it contracts. Beyond its tension
+apex a frictional model has no strength, and its stress is the apex whatever the strain does: such
+a record says nothing of the material, and its grains would have lost contact. A model whose
+stiffness grows with the pressure is compressed to thousands of its initial pressure as easily,
+where a few paths would outweigh all others and grains be crushed. What does both is the volume
+change; so the volumetric part of the path is reduced, and the deviatoric part - amplitude, turns,
+rotation of axes - stays that of every other dataset.
+"""
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from granbench.errors import ModelError
+from granbench.generators.classical.response import isotropic_start
+from granbench.models.classical import ClassicalCell
+from granbench.paths.drawn import on_strain_grid
+from granbench.paths.programme import Floats
+from granbench.tensors import normal_mask, volumetric_strain
+
+LOWEST_PRESSURE, HIGHEST_PRESSURE = 0.1, 50.0
+"""Smallest and largest mean stress on an admissible path over the initial one: from 100 kPa a
+range of 10 kPa to 5 MPa, about that of the particle tests."""
+
+FACTORS = (*(2.0 ** (-k / 4) for k in range(25)), 0.0)
+"""Factors on the volumetric strain that are tried, in this order; the first admissible is used.
+A list, not a bisection: a smaller factor need not be the safer one for a model that dilates."""
+
+EXPLANATION = (
+    "The volumetric part of each drawn strain path is multiplied by `volumetric_factor`, the "
+    "largest of 2^(-k/4), k = 0 ... 24, and 0 with which the mean stress stays between "
+    f"{LOWEST_PRESSURE:g} and {HIGHEST_PRESSURE:g} of the initial one: beyond its tension apex "
+    "the model has no strength and its stress says nothing, and without a limit a few paths of "
+    "extreme compression would outweigh the others. The deviatoric part is as it was drawn, the "
+    "same for all models."
+)
+
+
+def scaled_volume(strain: Floats, factor: Floats, order: str = "plane") -> Floats:
+    """Strains whose volumetric part is multiplied by a factor, on the strain grid.
+
+    Parameters
+    ----------
+    strain : (path, step, component)
+    factor : (path,)
+    order : component order
+    """
+    normal = np.array(normal_mask(order))
+    dimension = normal.sum()
+    change = (factor[:, None] - 1.0) * volumetric_strain(strain, order) / dimension
+    return on_strain_grid(strain + change[..., None] * normal)
+
+
+def admissible_factors(cell: ClassicalCell, strain: Floats, mean_stress: float) -> Floats:
+    """Factor on the volumetric strain of each path with which its pressure stays in range.
+
+    Parameters
+    ----------
+    cell : the model
+    strain : (path, step, component), as drawn
+    mean_stress : isotropic, at step 0, Pa
+
+    Returns
+    -------
+    (path,), each one of `FACTORS`
+
+    Raises
+    ------
+    ModelError
+        If a path is not admissible even at constant volume.
+    """
+    factors = np.full(len(strain), np.nan)
+    for factor in FACTORS:
+        open_paths = np.flatnonzero(np.isnan(factors))
+        if not open_paths.size:
+            return factors
+        tried = scaled_volume(strain[open_paths], np.full(open_paths.size, factor), cell.order)
+        factors[open_paths[admissible(cell, tried, mean_stress)]] = factor
+    if np.isnan(factors).any():
+        path = int(np.argmax(np.isnan(factors)))
+        raise ModelError(
+            f"{cell.name} leaves its range of pressure on path {path} of {len(strain)} even at "
+            "constant volume; start from another mean stress or draw smaller strains"
+        )
+    return factors
+
+
+def admissible(cell: ClassicalCell, strain: Floats, mean_stress: float) -> NDArray[np.bool_]:
+    """Whether the mean stress stays in range along each path.
+
+    Parameters
+    ----------
+    cell, mean_stress : as for `admissible_factors`
+    strain : (path, step, component)
+
+    Returns
+    -------
+    (path,)
+    """
+    lowest, highest = LOWEST_PRESSURE * mean_stress, HIGHEST_PRESSURE * mean_stress
+    increments = torch.from_numpy(np.diff(strain, axis=1))
+    state = cell.initial_state(isotropic_start(cell, mean_stress, len(strain)))
+    alive = torch.arange(len(strain))
+    with torch.no_grad():
+        for increment in increments.unbind(dim=1):
+            _, state = cell.step(increment[alive], state)
+            pressure = cell.rows.mean(state.T[: cell.rows.count])
+            # NaN, where the model gave up, is in no range. What is out costs most to go on with.
+            held = (pressure >= lowest) & (pressure <= highest)
+            alive, state = alive[held], state[held]
+    stays = np.zeros(len(strain), dtype=bool)
+    stays[alive.numpy()] = True
+    return stays

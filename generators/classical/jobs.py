@@ -1,0 +1,148 @@
+"""The one job of a `gp-*` campaign: draw the paths of every split and run the model on them.
+
+Starting a process takes longer than a split of a thousand paths, so one job makes them all.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from granbench.errors import ModelError
+from granbench.generators.campaign import Job
+from granbench.generators.classical.admissible import admissible_factors, scaled_volume
+from granbench.generators.classical.design import (
+    FAMILIES,
+    ClassicalPreset,
+    GroundTruth,
+    SplitPlan,
+    split_seed,
+)
+from granbench.generators.classical.response import isotropic_start, response
+from granbench.models import find_model
+from granbench.models.classical import ClassicalCell
+from granbench.paths.drawn import DrawnPaths, on_strain_grid
+
+RECORD_FILE = "record.npz"
+PARAMETERS_FILE = "parameters.npz"
+
+
+def campaign_job(
+    truth: GroundTruth, preset: ClassicalPreset, plans: Sequence[SplitPlan], seed: int
+) -> Job:
+    """The job that makes the paths of every split, in their order.
+
+    Parameters
+    ----------
+    truth : the model and its start
+    preset : how the paths are recorded
+    plans : the splits
+    seed : of the dataset
+    """
+    return Job(
+        key=truth.dataset,
+        function="granbench.generators.classical.jobs:run_paths",
+        configuration={
+            "model": truth.model,
+            "parameters": truth.cell().values(),
+            "initial_mean_stress": truth.initial_mean_stress,
+            "steps": preset.steps,
+            "tangents": preset.tangents,
+            "splits": [
+                {
+                    "name": plan.name,
+                    "loading_family": plan.family.loading_family,
+                    "family": plan.family.model_dump(mode="json"),
+                    "count": plan.count,
+                    "admissible": plan.admissible,
+                }
+                for plan in plans
+            ],
+        },
+        seed=seed,
+    )
+
+
+def run_paths(
+    configuration: Mapping[str, Any], seed: int, inputs: Mapping[str, Path], out: Path
+) -> None:
+    """Keep what was drawn for all paths, and their records in single precision, in `out`.
+
+    Raises
+    ------
+    ModelError
+        If the model cannot follow a path.
+    """
+    cell = find_model(configuration["model"])(configuration["parameters"])
+    pressure, steps = configuration["initial_mean_stress"], configuration["steps"]
+    parts = [
+        drawn_split(
+            cell,
+            split,
+            steps=steps,
+            mean_stress=pressure,
+            rng=np.random.default_rng(split_seed(split["name"], seed)),
+        )
+        for split in configuration["splits"]
+    ]
+    strain = np.concatenate([part.strain for part in parts])
+    run = response(
+        cell,
+        torch.from_numpy(strain),
+        isotropic_start(cell, pressure, len(strain)),
+        tangents=configuration["tangents"],
+    )
+    series = {"strain": strain, "stress": run.stress, **run.internals}
+    if run.tangent is not None:
+        series["tangent"] = run.tangent
+    record = {name: np.asarray(values, dtype=np.float32) for name, values in series.items()}
+    for name, values in record.items():
+        broken = ~np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
+        if broken.any():
+            raise ModelError(
+                f"{cell.name} gives no finite {name} on {broken.sum()} of {len(values)} paths, "
+                f"the first is number {int(np.argmax(broken))}; draw smaller strains"
+            )
+    names = dict.fromkeys(name for part in parts for name in part.parameters)
+    parameters = {
+        # What was not drawn for the family of a path does not apply to it.
+        name: np.concatenate(
+            [part.parameters.get(name, np.full(len(part.strain), np.nan)) for part in parts]
+        )
+        for name in names
+    }
+    # mypy matches the names with savez's own allow_pickle.
+    np.savez(out / RECORD_FILE, **record)  # type: ignore[arg-type]
+    np.savez(out / PARAMETERS_FILE, **parameters)  # type: ignore[arg-type]
+
+
+def drawn_split(
+    cell: ClassicalCell,
+    split: Mapping[str, Any],
+    *,
+    steps: int,
+    mean_stress: float,
+    rng: np.random.Generator,
+) -> DrawnPaths:
+    """The strain paths of a split, on the strain grid and such that the model can follow them.
+
+    Parameters
+    ----------
+    cell : the model
+    split : as in the configuration of `campaign_job`
+    steps : increments of a path
+    mean_stress : isotropic, at step 0, Pa
+    rng : of the split
+    """
+    family = FAMILIES[split["loading_family"]].model_validate(split["family"])
+    drawn = family.draw(rng, split["count"], steps)
+    if not cell.pressure_dependent:
+        return DrawnPaths(on_strain_grid(drawn.strain), drawn.parameters)
+    factor = np.ones(len(drawn.strain))
+    if split["admissible"]:
+        factor = admissible_factors(cell, drawn.strain, mean_stress)
+    return DrawnPaths(
+        scaled_volume(drawn.strain, factor), {**drawn.parameters, "volumetric_factor": factor}
+    )

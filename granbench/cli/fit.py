@@ -1,0 +1,274 @@
+"""`granbench fit`: fit a classical model to laboratory tests of one's own."""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from granbench.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from granbench.baselines.fitting import Fit
+    from granbench.laboratory import ImportSettings, LaboratoryTest
+
+PARAMETERS = "parameters.json"
+RECORDS = "tests.nc"
+
+
+def fit(
+    model: Annotated[str, typer.Argument(help="Classical model, such as j2 or csuh.")],
+    data: Annotated[
+        list[str],
+        typer.Option(
+            "--data",
+            metavar="FILE[::TEST]",
+            help="Laboratory file: CSV, .dat, .xlsx protocol, .npz, or records in netCDF; "
+            "::TEST takes one test of several.",
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Folder for what is found.")],
+    leave_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--leave-out",
+            metavar="FILE|TEST",
+            help="Predict this file, or this test of --data, without fitting it.",
+        ),
+    ] = None,
+    free: Annotated[
+        str | None, typer.Option("--free", help="Parameters to fit, as a,b,c; all by default.")
+    ] = None,
+    parameter_set: Annotated[
+        str | None, typer.Option("--set", help="Published parameters to start from.")
+    ] = None,
+    params: Annotated[
+        Path | None, typer.Option("--params", help="Parameters (JSON) to start from.")
+    ] = None,
+    control: Annotated[
+        str,
+        typer.Option(
+            "--control",
+            help="strain: the measured strain drives. mixed: axial strain drives, lateral stress "
+            "is held. auto: mixed where the lateral strain was free.",
+        ),
+    ] = "auto",
+    points: Annotated[int, typer.Option("--points", help="To which each test is thinned.")] = 60,
+    weight: Annotated[
+        list[str] | None,
+        typer.Option("--weight", metavar="NAME=X", help="Of a quantity; 1 by default."),
+    ] = None,
+    starts: Annotated[int, typer.Option("--starts", help="First values to search from.")] = 8,
+    spread: Annotated[
+        float, typer.Option("--spread", help="Of the starts; 1 is a factor of 2.7.")
+    ] = 0.5,
+    seed: Annotated[int, typer.Option("--seed", help="Of starts and bootstrap.")] = 0,
+    iterations: Annotated[
+        int, typer.Option("--iterations", min=1, help="Of Levenberg-Marquardt, at most.")
+    ] = 60,
+    bootstrap: Annotated[
+        int, typer.Option("--bootstrap", help="Samples; 0 for intervals from the curvature.")
+    ] = 0,
+    column: Annotated[
+        list[str] | None,
+        typer.Option("--column", metavar="QUANTITY=HEADER", help="As axial_strain=eps_ax."),
+    ] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option("--unit", metavar="QUANTITY=UNIT", help="As stress=kPa or strain=%."),
+    ] = None,
+    kind: Annotated[
+        str | None,
+        typer.Option("--kind", help="What was controlled, such as triaxial-drained; else told."),
+    ] = None,
+    monotonic: Annotated[
+        bool, typer.Option("--monotonic", help="Refuse an axial strain that falls.")
+    ] = False,
+    tension_positive: Annotated[
+        bool, typer.Option("--tension-positive", help="The files count tension positive.")
+    ] = False,
+    strain_measure: Annotated[
+        str, typer.Option("--strain-measure", help="Of the files: engineering or logarithmic.")
+    ] = "engineering",
+    e0: Annotated[
+        float | None, typer.Option("--e0", help="First void ratio, where a file has none.")
+    ] = None,
+    lateral_stress: Annotated[
+        float | None,
+        typer.Option("--lateral-stress", metavar="PA", help="Where a file has none."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
+) -> None:
+    """Fit a model's parameters to laboratory tests.
+
+    The folder then holds parameters.json (for `drive`, `evaluate` and `fem`), fit.json, curves.csv,
+    fit.png and, where every test is complete, tests.nc: records to score any model on.
+    """
+    if out.exists() and not out.is_dir():
+        raise ConfigurationError(f"--out {out} is a file; give a folder")
+
+    from granbench.baselines.fitting import Effort, FitSettings
+    from granbench.baselines.fitting import fit as fitted
+    from granbench.baselines.fitting.report import report_of
+    from granbench.driven_model import ModelChoice
+    from granbench.laboratory import ImportSettings
+    from granbench.models import find_model
+
+    find_model(model)
+    reading = ImportSettings(
+        columns=_pairs("--column", column),
+        units=_pairs("--unit", unit),
+        kind=kind,
+        monotonic=monotonic,
+        tension_positive=tension_positive,
+        strain_measure=strain_measure,
+        initial_void_ratio=e0,
+        lateral_stress=lateral_stress,
+    )
+    settings = FitSettings(
+        free=None if free is None else tuple(name.strip() for name in free.split(",")),
+        control=control,
+        points=points,
+        weights={
+            name: _number("--weight", text) for name, text in _pairs("--weight", weight).items()
+        },
+        starts=starts,
+        spread=spread,
+        seed=seed,
+        effort=Effort(iterations=iterations),
+        bootstrap=bootstrap,
+    )
+    tests, left_out = _tests(data, leave_out or (), reading)
+    cell: Any = ModelChoice(model, parameter_set, params).cell("principal")
+    total = settings.effort.adam_iterations + settings.effort.iterations
+    with _bar(total, model, quiet or as_json) as advance:
+        found = fitted(cell, tests, settings, left_out=left_out, on=advance)
+    report = report_of(found, settings, tests, left_out)
+    _write(found, report, tests, left_out, out)
+    if as_json:
+        typer.echo(json.dumps(report | {"folder": str(out)}, indent=2, ensure_ascii=False))
+    elif not quiet:
+        console = Console()
+        for table in _tables(report):
+            console.print(table)
+        for warning in report["warnings"]:
+            typer.echo(f"note: {warning}")
+        typer.echo(f"the parameters are in {out / PARAMETERS}, the picture in {out / 'fit.png'}")
+
+
+def _pairs(option: str, texts: Sequence[str] | None) -> dict[str, str]:
+    pairs = {}
+    for text in texts or ():
+        name, sign, value = text.partition("=")
+        if not (sign and name and value):
+            raise ConfigurationError(f"{option} {text!r}: give NAME=VALUE")
+        pairs[name.strip()] = value.strip()
+    return pairs
+
+
+def _number(option: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise ConfigurationError(f"{option}: {text!r} is not a number") from error
+
+
+def _tests(
+    data: Sequence[str], leave_out: Sequence[str], reading: "ImportSettings"
+) -> tuple[list["LaboratoryTest"], list["LaboratoryTest"]]:
+    """The tests that are fitted, and those that are only predicted."""
+    from granbench.laboratory import read_selected
+
+    tests = [test for text in data for test in read_selected(text, reading)]
+    left_out: list[LaboratoryTest] = []
+    for text in leave_out:
+        named = [test for test in tests if test.name == text]
+        left_out += named or read_selected(text, reading)
+        tests = [test for test in tests if test not in named]
+    names = [test.name for test in (*tests, *left_out)]
+    if repeated := [name for name in names if names.count(name) > 1]:
+        raise ConfigurationError(
+            f"two tests are called {repeated[0]!r}; rename a file, or give each test once"
+        )
+    return tests, left_out
+
+
+def _write(
+    found: "Fit",
+    report: dict[str, Any],
+    tests: Sequence["LaboratoryTest"],
+    left_out: Sequence["LaboratoryTest"],
+    out: Path,
+) -> None:
+    from granbench.baselines.fitting.report import (
+        CURVES,
+        PICTURE,
+        REPORT,
+        write_curves,
+        write_report,
+    )
+    from granbench.laboratory import to_records
+    from granbench.models.parameter_file import write_parameters
+    from granbench.plotting import save_figure
+    from granbench.plotting.fit import fit_figure
+    from granbench.records import write_records
+
+    write_report(report, out / REPORT)
+    write_curves(found, out / CURVES)
+    save_figure(fit_figure({found.cell.name: found.curves}), out / PICTURE)
+    every = [*tests, *left_out]
+    if all(test.lateral_strain_known for test in every):
+        names = [test.name for test in left_out]
+        write_records(to_records(every, left_out=names), out / RECORDS)
+    # Last: who finds it finds the rest as well.
+    write_parameters(found.cell, out / PARAMETERS)
+
+
+def _tables(report: dict[str, Any]) -> Iterator[Table]:
+    table = _plain(f"{report['model']}: error {100.0 * report['error']:.3g} % of the range")
+    for heading in ("parameter", "symbol", "value", "95 % interval", "unit", ""):
+        table.add_column(heading, justify="right" if heading in ("value",) else "left")
+    for row in report["parameters"]:
+        interval = row["interval_95"]
+        shown = "fixed" if interval is None else f"{interval[0]:.4g} to {interval[1]:.4g}"
+        known = "not identified" if row["identifiable"] is False else ""
+        table.add_row(row["name"], row["symbol"], f"{row['value']:.6g}", shown, row["units"], known)
+    yield table
+    table = _plain("error of each test, % of the range of what was measured")
+    quantities = list(
+        dict.fromkeys(name for row in report["errors"] for name in row["by_quantity"])
+    )
+    for heading in ("test", "", "error", *(name.replace("_", "\n") for name in quantities)):
+        table.add_column(heading, justify="left" if heading in ("test", "") else "right")
+    for row in report["errors"]:
+        parts = [row["by_quantity"].get(name) for name in quantities]
+        shown_parts = ["–" if part is None else f"{100.0 * part:.3g}" for part in parts]
+        role = "" if row["role"] == "fitted" else row["role"]
+        table.add_row(row["test"], role, f"{100.0 * row['error']:.3g}", *shown_parts)
+    yield table
+
+
+def _plain(title: str) -> Table:
+    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+
+
+@contextmanager
+def _bar(total: int, name: str, hidden: bool) -> Iterator[Callable[[str, int, float], None]]:
+    """A bar on the terminal's stderr: stage, lowest sum of squares, time."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    hidden = hidden or not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
+        job = progress.add_task(f"fitting {name}", total=total)
+
+        def advance(stage: str, iteration: int, cost: float) -> None:
+            progress.update(job, advance=1, description=f"{name}, {stage}: cost {cost:.3g}")
+
+        yield advance

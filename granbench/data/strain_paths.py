@@ -1,0 +1,57 @@
+"""Drawn strain paths in numbers: how far and how fast they go, and what stress they meet."""
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import xarray as xr
+
+from granbench.tensors import component_order, frobenius_norm
+
+
+@dataclass(frozen=True)
+class StrainPathStatistics:
+    """Statistics over every step of some paths.
+
+    Parameters
+    ----------
+    paths : number of paths
+    median_increment : of the Frobenius norm of the strain increments (Fig 6.7 of the thesis)
+    strain_std : standard deviation of each strain component, by its label
+    largest_strain : largest magnitude of a strain component
+    stress_std : standard deviation of each stress component, Pa, by its label
+    median_volumetric_factor : see the coordinate `volumetric_factor`; None without it
+    """
+
+    paths: int
+    median_increment: float
+    strain_std: dict[str, float]
+    largest_strain: float
+    stress_std: dict[str, float]
+    median_volumetric_factor: float | None
+
+    def as_dict(self) -> dict[str, object]:
+        """Plain values for JSON."""
+        return asdict(self)
+
+
+def strain_path_statistics(records: xr.Dataset) -> StrainPathStatistics:
+    """The statistics of all paths of some records, whatever their component order."""
+    labels = tuple(map(str, records["component"].values))
+    strain = records["strain"].values.astype(np.float64)
+    stress = records["stress"].values.astype(np.float64)
+    increments = frobenius_norm(np.diff(strain, axis=1), component_order(labels))
+    factor = None
+    if "volumetric_factor" in records.coords:
+        factor = float(np.median(records["volumetric_factor"].values))
+    return StrainPathStatistics(
+        paths=records.sizes["path"],
+        median_increment=float(np.median(increments)),
+        strain_std=_by_label(labels, strain.std(axis=(0, 1))),
+        largest_strain=float(np.abs(strain).max()),
+        stress_std=_by_label(labels, stress.std(axis=(0, 1))),
+        median_volumetric_factor=factor,
+    )
+
+
+def _by_label(labels: tuple[str, ...], values: np.ndarray) -> dict[str, float]:
+    return dict(zip(labels, map(float, values), strict=True))

@@ -1,0 +1,211 @@
+"""The model that a user names for an element test, and the state that it starts from."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from granbench.baseline import baseline_names
+from granbench.candidate import find_candidate
+from granbench.cell import Conditions, MaterialCell
+from granbench.data.verification import task_file
+from granbench.errors import ConfigurationError, ModelError
+from granbench.models import MODELS, find_model
+from granbench.paths.mixed_control import isotropic_stress
+from granbench.records import open_records
+
+DEFAULT_PRESSURE = 1e5
+DEFAULT_TASK = "dem-triaxial-mini"
+"""It comes with the package, so that a model that needs no records is driven anywhere."""
+
+OPTIONS = {"initial_void_ratio": "--e0", "overconsolidation_ratio": "--ocr"}
+"""Options that give a scalar; any other one is given by `--start`."""
+
+
+@dataclass(frozen=True)
+class ModelChoice:
+    """The model that is asked for.
+
+    Parameters
+    ----------
+    name : of a classical model or baseline, folder of a trained one, or package.module:factory
+    parameter_set, parameter_file : of a classical model, one of them or none
+    task : dataset that a baseline without training is fitted to
+
+    Raises
+    ------
+    ConfigurationError
+        If parameters are given twice, or to a model that is not classical.
+    """
+
+    name: str
+    parameter_set: str | None = None
+    parameter_file: Path | None = None
+    task: str = DEFAULT_TASK
+
+    def __post_init__(self) -> None:
+        given = {"--set": self.parameter_set, "--params": self.parameter_file}
+        options = [option for option, value in given.items() if value is not None]
+        if len(options) > 1:
+            raise ConfigurationError("--set and --params both give parameters; leave one out")
+        if options and not self.classical:
+            raise ConfigurationError(
+                f"{options[0]} gives the parameters of a classical model ({', '.join(MODELS)}), "
+                f"which {self.name!r} is not; leave it out"
+            )
+
+    @property
+    def classical(self) -> bool:
+        """Whether it is a classical model, which is made in any component order."""
+        return self.name in MODELS
+
+    def cell(self, order: str) -> MaterialCell:
+        """The model's cell; only a classical one heeds the component order.
+
+        Raises
+        ------
+        ModelError
+            If the model, its parameters or its files are unknown or damaged.
+        """
+        if self.parameter_file is not None:
+            from granbench.models.parameter_file import cell_from_file
+
+            cell = cell_from_file(self.parameter_file, order)
+            if cell.name != self.name:
+                raise ModelError(
+                    f"{self.parameter_file}: holds parameters of {cell.name!r}, not of "
+                    f"{self.name!r}; name the model that they belong to"
+                )
+            return cell
+        if self.classical:
+            return find_model(self.name)(parameter_set=self.parameter_set, order=order)
+        known = [*MODELS, *baseline_names()]
+        if not (":" in self.name or Path(self.name).exists() or self.name in known):
+            near = get_close_matches(self.name, known, n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            raise ModelError(
+                f"unknown model {self.name!r}: {hint}there are {', '.join(known)}, folders of "
+                "trained models, and package.module:factory"
+            )
+        with open_records(task_file(self.task)) as records:
+            return find_candidate(self.name, records, seeds=(0,)).cell
+
+
+@dataclass(frozen=True)
+class Start:
+    """The state that is asked for at the start of a test.
+
+    Parameters
+    ----------
+    pressure : isotropic stress p0, Pa; None for the recorded stress, or else 100 kPa
+    scalars : what else is known, under dataset names, such as `initial_void_ratio`
+    """
+
+    pressure: float | None = None
+    scalars: Mapping[str, float] = field(default_factory=dict)
+
+    def isotropic_pressure(self, undefined_at_zero: str | None = None) -> float:
+        """The pressure p0, Pa; 100 kPa where none is given.
+
+        Parameters
+        ----------
+        undefined_at_zero : who cannot start without compression, if anyone
+
+        Raises
+        ------
+        ConfigurationError
+            If it is no pressure to start from.
+        """
+        pressure = DEFAULT_PRESSURE if self.pressure is None else self.pressure
+        if not (math.isfinite(pressure) and pressure >= 0.0):
+            raise ConfigurationError(
+                f"--p0 {pressure:g} is no pressure to start from; give it in Pa, compression "
+                "positive"
+            )
+        if pressure == 0.0 and undefined_at_zero:
+            raise ConfigurationError(
+                f"--p0 0: {undefined_at_zero} does not start without compression; give p0 above "
+                "0, in Pa"
+            )
+        return pressure
+
+    def state(self, cell: MaterialCell, recorded: Conditions | None = None) -> Tensor:
+        """State (point, n_state) of a cell: of one point, or of all that were recorded.
+
+        Raises
+        ------
+        ConfigurationError
+            If the pressure is none, or a scalar is no number or of no use to the model.
+        ModelError
+            If the model needs what is not given, or cannot start so.
+        """
+        for name, value in self.scalars.items():
+            if not math.isfinite(value):
+                raise ConfigurationError(f"{_option(name)} {value:g} is not a finite number")
+        known = dict(recorded.scalars) if recorded else {}
+        if recorded is None or self.pressure is not None:
+            dependent = getattr(cell, "pressure_dependent", False)
+            pressure = self.isotropic_pressure(cell.name if dependent else None)
+            points = len(recorded.stress) if recorded else 1
+            stress = torch.from_numpy(isotropic_stress(pressure, cell.order)).repeat(points, 1)
+            known["initial_mean_stress"] = torch.full((points,), pressure, dtype=torch.float64)
+        else:
+            stress = recorded.stress
+        if "overconsolidation_ratio" in self.scalars:
+            # The density that was recorded gives way to the one that is asked for.
+            known.pop("initial_void_ratio", None)
+        for name, value in self.scalars.items():
+            known[name] = torch.full((len(stress),), value, dtype=torch.float64)
+        given = _Given(stress, _Watched(known))
+        with torch.no_grad():
+            state = cell.initial_state(given)
+        for name in self.scalars:
+            if name not in given.scalars.read:
+                raise ConfigurationError(
+                    f"{_option(name)} is given, but {cell.name} makes no use of it; leave it out"
+                )
+        return state
+
+
+def _option(name: str) -> str:
+    return OPTIONS.get(name, f"--start {name}=")
+
+
+class _Watched(Mapping[str, Tensor]):
+    """Scalars that remember which of them were read."""
+
+    def __init__(self, scalars: Mapping[str, Tensor]) -> None:
+        self._scalars = scalars
+        self.read: set[str] = set()
+
+    def __getitem__(self, name: str) -> Tensor:
+        self.read.add(name)
+        return self._scalars[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._scalars
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._scalars)
+
+    def __len__(self) -> int:
+        return len(self._scalars)
+
+
+@dataclass(frozen=True)
+class _Given(Conditions):
+    """Conditions from options: what is missing among them is said in terms of options."""
+
+    scalars: _Watched = field(default_factory=lambda: _Watched({}))
+
+    def require(self, name: str) -> Tensor:
+        """See `Conditions.require`."""
+        if name not in self.scalars:
+            raise ModelError(
+                f"the model needs {name!r} at the start of a path; give it with {_option(name)}"
+            )
+        return self.scalars[name]

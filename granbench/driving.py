@@ -1,0 +1,267 @@
+"""A model driven along a path from a file, or through a standard test."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from torch import Tensor
+
+from granbench import __version__
+from granbench.cell import MaterialCell
+from granbench.driven_model import ModelChoice
+from granbench.element_test import ElementTest, Failure, run_test
+from granbench.errors import ConfigurationError
+from granbench.models import find_model
+from granbench.paths.mixed_control import DIRECTIONS, MixedControl
+from granbench.paths.programme import Floats, LoadingProgramme
+from granbench.paths.strain_files import STRAIN, STRESS, PathTable, answer_records
+from granbench.tensors import COMPONENT_ORDERS, component_order, normal_mask
+
+CARRIED = ("path_id", "specimen", "split", "loading_family", "seed")
+"""What the answer to records keeps of them beside the strain."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """What is prescribed, and how its steps are named.
+
+    Parameters
+    ----------
+    control : of one point or many
+    family : loading family of the answer
+    place : names a point and a step for an error
+    added : steps that were put before the first row of a file
+    component : label of the strain to draw against; None for the one that goes furthest
+    records : those that are driven along, if any
+    """
+
+    control: MixedControl
+    family: str
+    place: Callable[[int, int], str]
+    added: int = 0
+    component: str | None = None
+    records: xr.Dataset | None = None
+
+    @classmethod
+    def of_records(cls, records: xr.Dataset, source: str, cell: MaterialCell) -> Course:
+        """The strain paths of records.
+
+        Raises
+        ------
+        ConfigurationError
+            If records and cell have different components.
+        """
+        order = component_order(tuple(str(label) for label in records["component"].values))
+        _same_order(source, order, cell)
+        strain = records["strain"].values.astype(np.float64)
+        names = records["path_id"].values.astype(str)
+        return cls(
+            MixedControl.of_strain(order, strain),
+            family="recorded",
+            place=lambda point, step: f"{source}: path {names[point]!r}, step {step}",
+            records=records,
+        )
+
+    @classmethod
+    def of_table(cls, table: PathTable, start: Floats, cell: MaterialCell) -> Course:
+        """The rows of a path file.
+
+        Parameters
+        ----------
+        table : strains and stresses by components
+        start : (component,), stress of the cell at the start, Pa
+        cell : that is to follow them
+
+        Raises
+        ------
+        ConfigurationError
+            If file and cell have different components, or tension is prescribed to a model that
+            is not defined for it.
+        """
+        _same_order(table.source, table.order, cell)
+        if getattr(cell, "pressure_dependent", False):
+            _refuse_tension(table, cell.name)
+        control, added = table.control(start)
+        return cls(control, "prescribed", _rows_of(table, added), added)
+
+    @classmethod
+    def of_test(
+        cls,
+        name: str,
+        programme: LoadingProgramme,
+        history: Floats,
+        order: str,
+        table: PathTable | None = None,
+    ) -> Course:
+        """A standard test.
+
+        Parameters
+        ----------
+        name : of the test, for errors
+        programme : what it prescribes
+        history : (step,), its driving strain from zero on
+        order : component order of the cell
+        table : the rows that the history was read from, if it was
+
+        Raises
+        ------
+        ConfigurationError
+            If the test needs components that the order lacks.
+        """
+        control = MixedControl.of_programme(programme, history, order)
+        driving = programme.driving_component or ""
+        component = DIRECTIONS[order].get(driving, driving) or None
+        family = programme.loading_family
+        if table is not None:
+            added = len(history) - len(table.values)
+            return cls(control, family, _rows_of(table, added), added, component)
+        last = len(history) - 1
+
+        def step_of(point: int, step: int) -> str:
+            return f"{name}, step {step} of {last}, driving strain {history[step]:g}"
+
+        return cls(control, family, step_of, component=component)
+
+
+def _rows_of(table: PathTable, added: int) -> Callable[[int, int], str]:
+    return lambda point, step: table.place(step - added)
+
+
+def _same_order(source: str, order: str, cell: MaterialCell) -> None:
+    if order != cell.order:
+        columns = ",".join(STRAIN + label for label in COMPONENT_ORDERS[cell.order])
+        raise ConfigurationError(
+            f"{source}: its components are {order}, but those of {cell.name} are {cell.order}; "
+            f"give {columns}"
+        )
+
+
+def _refuse_tension(table: PathTable, model: str) -> None:
+    labels = COMPONENT_ORDERS[table.order]
+    stress = table.components(STRESS)
+    for label, normal in zip(labels, normal_mask(table.order), strict=True):
+        series = stress[:, labels.index(label)]
+        if label in table.held and normal and (series <= 0.0).any():
+            row = int(np.argmax(series <= 0.0))
+            raise ConfigurationError(
+                f"{table.place(row)}, column {STRESS}{label}: prescribes {series[row]:g} Pa, but "
+                f"{model} is defined under compression only; prescribe a stress above 0"
+            )
+
+
+def cell_for_test(
+    choice: ModelChoice, programme: LoadingProgramme, order: str | None
+) -> MaterialCell:
+    """The model's cell for a standard test.
+
+    A classical model is made in the given order or, by default, in the first that has all the
+    components that the test needs: a plane model is tried in the plane, then both kinds in
+    principal components, then in all six.
+
+    Raises
+    ------
+    ConfigurationError
+        If a component order is asked of a model that has its own, or is unknown.
+    """
+    if not choice.classical:
+        if order is not None:
+            raise ConfigurationError(
+                f"--order is for classical models; {choice.name} has its own components, leave "
+                "it out"
+            )
+        return choice.cell("principal")
+    if order is not None:
+        return choice.cell(order)
+    plane_first = ("plane", "principal", "full")
+    orders = plane_first if find_model(choice.name).dimension == 2 else plane_first[1:]
+    return choice.cell(next(own for own in orders if _serves(own, programme)))
+
+
+def _serves(order: str, programme: LoadingProgramme) -> bool:
+    try:
+        MixedControl.of_programme(programme, [0.0, programme.path_length], order)
+    except ConfigurationError:
+        return False
+    return True
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a model said along a course.
+
+    Parameters
+    ----------
+    order : component order
+    test : the run
+    records : as stress-strain records, the reference step included; float64
+    added : steps before the first row of the file that was driven along
+    """
+
+    order: str
+    test: ElementTest
+    records: xr.Dataset
+    added: int
+
+    def rows(self) -> tuple[Floats, Floats, dict[str, Floats]]:
+        """Strain, stress (row, component) and internals (row,) of the first path."""
+        rows = slice(self.added, None)
+        internals = {name: series[0, rows] for name, series in self.test.internals.items()}
+        return self.test.strain[0, rows], self.test.stress[0, rows], internals
+
+
+def drive(
+    cell: MaterialCell,
+    course: Course,
+    state: Tensor,
+    *,
+    configuration: Mapping[str, object],
+    on_step: Callable[[int], None] | None = None,
+) -> Answer:
+    """Take a cell along a course.
+
+    Parameters
+    ----------
+    cell : the model
+    course : what is prescribed
+    state : (point, n_state) at its start
+    configuration : what was asked for, kept with the records
+    on_step : called with the number of each step that is done
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the row, or path and step, where the model cannot follow.
+    """
+    test = run_test(cell, course.control, state, on_step=on_step)
+    if test.failures:
+        raise ConfigurationError(_failed(test.failures, test, course, cell.name))
+    records = answer_records(
+        cell.order,
+        test.strain,
+        test.stress,
+        test.internals,
+        family=course.family,
+        configuration=configuration,
+        version=__version__,
+    )
+    if course.records is not None:
+        kept = {name: course.records[name].variable for name in CARRIED}
+        records = records.assign_coords(kept)
+    return Answer(cell.order, test, records, course.added)
+
+
+def _failed(failures: tuple[Failure, ...], test: ElementTest, course: Course, model: str) -> str:
+    first = min(failures, key=lambda failure: (failure.step, failure.point))
+    driven = course.control.driven[first.point]
+    change = driven[first.step] - driven[first.step - 1]
+    largest = int(np.abs(change).argmax())
+    label = COMPONENT_ORDERS[course.control.order][largest]
+    others = f"; {len(failures) - 1} other paths fail as well" if len(failures) > 1 else ""
+    return (
+        f"{course.place(first.point, first.step)}: {model} cannot follow the step, in which "
+        f"{STRAIN}{label} changes by {change[largest]:g}: {first.reason}{others}; take smaller "
+        "steps, or end the path before"
+    )

@@ -1,0 +1,120 @@
+"""The one way to a laboratory file: its format is told from its content."""
+
+import zipfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granbench.errors import DatasetError
+from granbench.laboratory import grainlearning, masi, soilmodels
+from granbench.laboratory.assembly import assemble
+from granbench.laboratory.conversion import from_records
+from granbench.laboratory.laboratory_test import LaboratoryTest
+from granbench.laboratory.settings import ImportSettings
+from granbench.laboratory.tables import Column, Table, read_text_table
+from granbench.records import open_records
+
+ArrayReader = Callable[[Path, Mapping[str, NDArray], ImportSettings], list[LaboratoryTest]]
+
+SOILMODELS_KEYS = frozenset({"a0", "a1", "a2"})
+KARLSRUHE_HEADERS = ("eps1", "epsv", "eps3", "epsq", "Void ratio", "q", "p", "eta = q/p")
+
+
+def read_tests(path: Path | str, settings: ImportSettings | None = None) -> list[LaboratoryTest]:
+    """Every test of a laboratory file.
+
+    Parameters
+    ----------
+    path : a table as text (CSV or columns between blanks), a SoilModels protocol (.xlsx) or its
+        paths (.npz), GrainLearning's oedometer runs (.npz), Masi's paths (.npz), records (.nc)
+    settings : what the file does not say itself
+
+    Returns
+    -------
+    The tests; a table of text holds one
+
+    Raises
+    ------
+    DatasetError
+        In one sentence, naming file, row and column: see `assemble`.
+    """
+    path, settings = Path(path), settings or ImportSettings()
+    if not path.is_file():
+        raise DatasetError(f"{path}: there is no such file; check the name")
+    if path.suffix.lower() == ".nc":
+        with open_records(path) as records:
+            return from_records(records, str(path))
+    if path.suffix.lower() == ".xlsx":
+        return soilmodels.read_protocol(path, settings)
+    if zipfile.is_zipfile(path):
+        arrays = _arrays(path)
+        return _array_reader(path, arrays)(path, arrays, settings)
+    return [_text_test(path, settings)]
+
+
+def read_selected(text: str, settings: ImportSettings | None = None) -> list[LaboratoryTest]:
+    """The tests of a file, or the one that ``FILE::TEST`` names.
+
+    Raises
+    ------
+    DatasetError
+        If there is no such test, or see `read_tests`.
+    """
+    file, sign, name = text.rpartition("::")
+    tests = read_tests(file if sign else text, settings)
+    chosen = [test for test in tests if not sign or test.name == name]
+    if not chosen:
+        known = ", ".join(test.name for test in tests[:8])
+        raise DatasetError(f"{file}: has no test {name!r}; there are {known}")
+    return chosen
+
+
+def _arrays(path: Path) -> dict[str, NDArray]:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
+    except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
+        raise DatasetError(
+            f"{path}: cannot be read as .npz ({error}); copy the file anew, or export the test as "
+            "CSV"
+        ) from error
+
+
+def _array_reader(path: Path, arrays: Mapping[str, NDArray]) -> ArrayReader:
+    """Which of the .npz formats the names and shapes of the arrays are."""
+    names = frozenset(arrays)
+    if names >= grainlearning.KEYS:
+        return grainlearning.read_oedometer
+    if names >= masi.NAMED_KEYS or masi.is_nice(arrays):
+        return masi.read_paths
+    if names >= SOILMODELS_KEYS and arrays["a0"].ndim == 3 and arrays["a2"].shape[-1:] == (1,):
+        return soilmodels.read_paths
+    raise DatasetError(
+        f"{path}: its arrays {', '.join(sorted(names)[:6]) or '(none)'} belong to no format that "
+        "is known; export the test as CSV with headers such as eps1 [%], q [kPa]"
+    )
+
+
+def _text_test(path: Path, settings: ImportSettings) -> LaboratoryTest:
+    table = read_text_table(path)
+    names = tuple(column.name for column in table.columns)
+    if names == KARLSRUHE_HEADERS:
+        return assemble(_with_void_ratio_as_ratio(table), settings, path.stem, "triaxial-drained")
+    if names == grainlearning.TABLE_HEADERS:
+        units = {**grainlearning.TABLE_UNITS, **settings.units}
+        settings = ImportSettings(**(vars(settings) | {"units": units}))
+        return assemble(table, settings, path.stem, grainlearning.TABLE_KIND)
+    return assemble(table, settings, path.stem)
+
+
+def _with_void_ratio_as_ratio(table: Table) -> Table:
+    """The author files of the Karlsruhe sand say that the void ratio is in %: it is not."""
+    columns = [
+        Column(column.header, column.name, "-", column.cells)
+        if column.name == "Void ratio"
+        else column
+        for column in table.columns
+    ]
+    return Table(table.source, table.places, columns)

@@ -1,0 +1,38 @@
+"""The classical models by name."""
+
+from collections.abc import Mapping
+from difflib import get_close_matches
+
+from granbench.errors import ModelError
+from granbench.models.classical import ClassicalCell
+from granbench.models.drucker_prager import DruckerPrager
+from granbench.models.enhanced_ime import EnhancedIME
+from granbench.models.ime import IME
+from granbench.models.j2 import J2
+from granbench.models.j2_hardening import J2Hardening
+
+MODELS: Mapping[str, type[ClassicalCell]] = {
+    model.name: model
+    for model in (
+        J2,
+        DruckerPrager,
+        J2Hardening,
+        IME,
+        EnhancedIME,
+    )
+}
+
+
+def find_model(name: str) -> type[ClassicalCell]:
+    """The classical model `name`.
+
+    Raises
+    ------
+    ModelError
+        If there is none of this name.
+    """
+    if name in MODELS:
+        return MODELS[name]
+    near = get_close_matches(name, MODELS, n=1)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    raise ModelError(f"unknown classical model {name!r}: {hint}there are {', '.join(MODELS)}")

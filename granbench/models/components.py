@@ -1,0 +1,124 @@
+"""Symmetric tensors as rows of components, so that one model serves every component order.
+
+A batch of tensors is a tensor of rows (component, point): each row is contiguous, which is what
+makes the updates fast. Which rows are normal components and how often a row counts in a double
+contraction is all that a model has to know of the order.
+"""
+
+from functools import cache
+
+import torch
+from torch import Tensor
+
+from granbench.errors import ConfigurationError
+from granbench.tensors import COMPONENT_ORDERS
+
+
+class TensorRows:
+    """Invariants of symmetric tensors held as rows.
+
+    Parameters
+    ----------
+    labels : of the rows, such as `xx`; two different letters or digits mark a shear component
+    dimension : of space; 2 for the plane models of the thesis' section 6.6, whose trace and
+        deviator are those of the plane, else 3
+    dtype : floating type
+
+    Attributes
+    ----------
+    count : number of rows
+    square_factor : q^2 / s:s, 3/2 or, in the plane, 2; then dq/dsigma = square_factor s/q
+    normal : (component, 1), 1 for a normal component, 0 for a shear component
+    weight : (component, 1), how often a component occurs in the tensor: 1 or 2
+    spherical : (component, component, 1), I x I of Hooke's law
+    deviatoric : (component, component, 1), what takes a tensor to its deviator
+    """
+
+    @torch.inference_mode(False)  # they are kept: gradients may be wanted of a later call
+    def __init__(self, labels: tuple[str, ...], dimension: int, dtype: torch.dtype) -> None:
+        self.labels = labels
+        self.dimension = dimension
+        self.count = len(labels)
+        self.square_factor = 2.0 if dimension == 2 else 1.5
+        normal = [label[0] == label[1] for label in labels]
+        self.normal = torch.tensor(normal, dtype=dtype).unsqueeze(-1)
+        self.weight = 2.0 - self.normal
+        self.spherical = outer(self.normal, self.normal)
+        unit = torch.eye(self.count, dtype=dtype).unsqueeze(-1)
+        self.deviatoric = unit - self.spherical / dimension
+        self._normal_row = self.normal.squeeze(-1)
+        self._weight_row = self.weight.squeeze(-1)
+
+    def mean(self, rows: Tensor) -> Tensor:
+        """tr/dimension of tensors (component, point), as (point,)."""
+        return self.trace(rows) * (1.0 / self.dimension)
+
+    def trace(self, rows: Tensor) -> Tensor:
+        """Trace of tensors (component, point), as (point,)."""
+        # One product with a vector of ones and zeros costs less than picking rows and adding.
+        return self._normal_row @ rows
+
+    def deviator(self, rows: Tensor) -> Tensor:
+        """Deviatoric part of tensors (component, point)."""
+        return self.split(rows)[1]
+
+    def split(self, rows: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean (point,) and deviator (component, point) of tensors (component, point)."""
+        mean = self.mean(rows)
+        return mean, torch.addcmul(rows, self.normal, mean, value=-1.0)
+
+    def joined(self, mean: Tensor, deviator: Tensor, factor: Tensor) -> Tensor:
+        """Tensors (component, point) of a mean and `factor` times a deviator."""
+        return torch.addcmul(self.normal * mean, deviator, factor)
+
+    def contraction(self, a: Tensor, b: Tensor) -> Tensor:
+        """a : b of tensors (component, point), as (point,)."""
+        return self._weight_row @ (a * b)
+
+    def deviatoric_square(self, deviator: Tensor) -> Tensor:
+        """q^2 of a deviator (component, point)."""
+        return self.square_factor * self.contraction(deviator, deviator)
+
+    def deviatoric_stress(self, deviator: Tensor) -> Tensor:
+        """q of a deviator (component, point): sqrt(3/2 s:s), or sqrt(2 s:s) in the plane.
+
+        At least 1e-77 (3e-10 in float32), so that s/q and every gradient stay finite where the
+        deviator vanishes: they are zero there.
+        """
+        return safe_root(self.deviatoric_square(deviator))
+
+
+def safe_root(square: Tensor) -> Tensor:
+    """Square root of what is not negative, at a gradient of zero, not NaN, where it vanishes."""
+    return square.clamp(min=torch.finfo(square.dtype).tiny ** 0.5).sqrt()
+
+
+def outer(a: Tensor, b: Tensor) -> Tensor:
+    """a x b of rows (component, point), as (component, component, point)."""
+    return a.unsqueeze(1) * b.unsqueeze(0)
+
+
+@cache
+def tensor_rows(order: str, dimension: int, dtype: torch.dtype) -> TensorRows:
+    """Rows of stress and strain of a model in a component order.
+
+    Parameters
+    ----------
+    order : a key of `granbench.tensors.COMPONENT_ORDERS`
+    dimension : 2 or 3 of the model. A 3-D model in the `plane` order is in plane strain: its
+        rows are xx, yy, xy and then the out-of-plane zz.
+    dtype : floating type
+
+    Raises
+    ------
+    ConfigurationError
+        If the order is unknown.
+    """
+    if order not in COMPONENT_ORDERS:
+        raise ConfigurationError(
+            f"unknown component order {order!r}; use {', '.join(COMPONENT_ORDERS)}"
+        )
+    labels = COMPONENT_ORDERS[order]
+    if order == "plane" and dimension == 3:
+        labels = (*labels, "zz")
+    return TensorRows(labels, 2 if order == "plane" and dimension == 2 else 3, dtype)

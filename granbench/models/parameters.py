@@ -1,0 +1,80 @@
+"""Material parameters: what each is, the range it must lie in, and its unconstrained form."""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from granbench.errors import ModelError
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One material constant of a classical model.
+
+    Parameters
+    ----------
+    name : in files, options and code, such as `friction_slope`
+    symbol : in equations, figures and tables, such as `M`
+    units : SI, "1" where dimensionless
+    meaning : for people
+    lower, upper : open bounds of the values that the model is defined for
+
+    Notes
+    -----
+    Fitting moves an unconstrained number u, zero at the value v0 that the model was made with::
+
+        a bound below only    v = lower + (v0 - lower) exp(u)
+        two bounds            v = lower + (upper - lower) sigmoid(u + u0), v0 at u = 0
+        no bound              v = v0 + |v0| u   (v0 + u where v0 = 0)
+
+    so that v is v0 where nothing was fitted (to the last bit, but for the rounding of a bound
+    below that is not zero), and all u are of one size.
+    """
+
+    name: str
+    symbol: str
+    units: str
+    meaning: str
+    lower: float = 0.0
+    upper: float = math.inf
+
+    def check(self, value: float, model: str) -> None:
+        """Refuse a value that the model is not defined for.
+
+        Raises
+        ------
+        ModelError
+            Naming the model, the parameter and its range.
+        """
+        if not (math.isfinite(value) and self.lower < value < self.upper):
+            bounds = (
+                "a finite number"
+                if math.isinf(self.lower) and math.isinf(self.upper)
+                else f"above {self.lower:g}"
+                if math.isinf(self.upper)
+                else f"between {self.lower:g} and {self.upper:g}, both excluded"
+            )
+            raise ModelError(
+                f"{model}: parameter {self.name!r} ({self.symbol}, {self.units}) is {value:g} "
+                f"but must be {bounds}; mend the value"
+            )
+
+    def constrained(self, free: Tensor, reference: float) -> Tensor:
+        """Value of the parameter for an unconstrained number.
+
+        Parameters
+        ----------
+        free : () or (point,), unconstrained
+        reference : the value at `free` = 0
+        """
+        if math.isinf(self.lower):
+            return reference + (abs(reference) or 1.0) * free
+        if math.isinf(self.upper):
+            grown = (reference - self.lower) * torch.exp(free)
+            return self.lower + grown if self.lower else grown
+        share = (reference - self.lower) / (self.upper - self.lower)
+        start = math.log(share / (1.0 - share))
+        moved = torch.sigmoid(start + free) - torch.sigmoid(start + torch.zeros_like(free))
+        return reference + (self.upper - self.lower) * moved

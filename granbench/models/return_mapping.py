@@ -1,0 +1,104 @@
+"""What return mappings share: the elastic trial, the yield check, the consistency equation.
+
+Units and signs are those of the models: Pa, compression positive, rows (component, point).
+"""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import torch
+from torch import Tensor
+
+from granbench.models.components import TensorRows
+
+ROUNDINGS = 512.0
+"""Unit roundings by which f may exceed zero before a point yields. A stress that was put on the
+surface is off by a few of them, times its p/q: within, a zero increment changes no bit."""
+
+PLAIN_ITERATIONS = 6
+SAFE_ITERATIONS = 100
+"""Bisection alone needs some 50 to reach the rounding of the bracket."""
+
+LAST_STEP = 1e-6
+"""Newton step, relative to the bracket, after which none follows: the next would be its square."""
+
+Residual = Callable[[Tensor], tuple[Tensor, Tensor]]
+"""Value and slope of a residual at x (point,)."""
+
+
+def elastic_constants(bulk: Tensor, shear: Tensor, dimension: int) -> dict[str, Tensor]:
+    """Constants of Hooke's law, Pa: `bulk`, `twice_shear` and Lame's `lame`."""
+    twice_shear = 2.0 * shear
+    return {"bulk": bulk, "twice_shear": twice_shear, "lame": bulk - twice_shear / dimension}
+
+
+def elastic_trial(rows: TensorRows, stress: Tensor, dstrain: Tensor, c: SimpleNamespace) -> Tensor:
+    """Stress (component, point) if the strain increment were elastic; exact where it is zero.
+
+    Parameters
+    ----------
+    stress, dstrain : (component, point)
+    c : has the `elastic_constants`
+    """
+    trial = torch.addcmul(stress, dstrain, c.twice_shear)
+    return torch.addcmul(trial, rows.normal, c.lame * rows.trace(dstrain))
+
+
+def exceeds(value: Tensor, limit: Tensor, scale: Tensor) -> Tensor:
+    """Where `value` (point,) is above `limit` by more than the rounding of numbers like `scale`."""
+    return value - limit > scale * (ROUNDINGS * torch.finfo(value.dtype).eps)
+
+
+def consistent_root(residual: Residual, sought: Tensor, start: Tensor, upper: Tensor) -> Tensor:
+    """Root x in [0, upper] of a consistency equation, point by point.
+
+    Newton's method without gradients; where it does not arrive in a few iterations, Newton's
+    method safeguarded by bisection. Where gradients are wanted, one more evaluation gives the
+    root its derivative -(dr/dtheta)/(dr/dx) by the implicit function theorem.
+
+    Parameters
+    ----------
+    residual : r and dr/dx at x; where the root is sought, r > 0 at 0 and r <= 0 at `upper`
+    sought : (point,), whether a root is sought; elsewhere x is zero
+    start : (point,), first x; it may lie outside
+    upper : (point,)
+
+    Returns
+    -------
+    (point,), NaN where no root was found
+    """
+    with torch.no_grad():
+        x = _newton(residual, sought, start.detach(), upper.detach())
+    if torch.is_grad_enabled():
+        r, slope = residual(x)
+        x = x - (r - r.detach()) / slope.detach()  # the value of x, to the last bit
+    return torch.where(sought, x, 0.0)
+
+
+def _newton(residual: Residual, sought: Tensor, start: Tensor, upper: Tensor) -> Tensor:
+    x = torch.minimum(start.clamp(min=0.0), upper)
+    for _ in range(PLAIN_ITERATIONS):
+        r, slope = residual(x)
+        closer = torch.minimum((x - r / slope).clamp(min=0.0), upper)
+        change = ((closer - x) / upper).abs().amax()
+        x = closer
+        # Where nothing is sought r < 0: x stays zero.
+        if change <= LAST_STEP:
+            return x
+    return _safeguarded(residual, sought, upper)
+
+
+def _safeguarded(residual: Residual, sought: Tensor, upper: Tensor) -> Tensor:
+    x = low = torch.zeros_like(upper)
+    high = upper
+    for _ in range(SAFE_ITERATIONS):
+        r, slope = residual(x)
+        low, high = torch.where(r > 0.0, x, low), torch.where(r > 0.0, high, x)
+        newton = x - r / slope
+        inside = (newton >= low) & (newton <= high)
+        closer = torch.where(inside, newton, 0.5 * (low + high))
+        unsolved = sought & ((closer - x).abs() > LAST_STEP * upper)
+        x = torch.where(sought, closer, 0.0)
+        if not unsolved.any():
+            return x
+    return torch.where(unsolved, torch.nan, x)

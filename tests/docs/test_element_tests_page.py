@@ -1,0 +1,39 @@
+"""The page on element tests: its example runs, its commands exist, its tables are complete."""
+
+import subprocess
+import sys
+
+import pytest
+from test_pages import ROOT, blocks, commands
+
+from granbench.cli import main
+from granbench.paths.standard_tests import STANDARD_TESTS
+
+PAGE = "docs/element_tests.md"
+
+
+def test_the_example_runs_and_says_the_strength():
+    (example,) = blocks(PAGE, "python")
+    done = subprocess.run(
+        [sys.executable, "-c", example], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.startswith("strength 100.0 kPa, held within ")
+
+
+def test_every_command_on_the_page_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "path.csv").write_text("eps_xx,eps_yy,eps_xy\n0,0,0\n0.01,0,0\n")
+    drives = [words for words in commands(PAGE) if words[0] == "drive"]
+    assert len(drives) == 3
+    for words in drives:
+        with pytest.raises(SystemExit) as left:
+            main([*words, "--quiet"])
+        assert left.value.code == 0, words
+    assert {"test.csv", "test.png", "loop.csv", "answer.csv"} <= {
+        file.name for file in tmp_path.iterdir()
+    }
+
+
+def test_every_standard_test_is_in_the_table():
+    text = (ROOT / PAGE).read_text(encoding="utf-8")
+    assert all(f"| `{name}` |" in text for name in STANDARD_TESTS)

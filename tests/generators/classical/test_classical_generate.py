@@ -1,0 +1,161 @@
+"""One small `gp-*` campaign from end to end: its data, its continuation, and what it refuses."""
+
+import json
+import shutil
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+from plane_records import plane_records
+
+from granbench.data.adapters import conditions_of
+from granbench.data.splits import leak_report
+from granbench.errors import ConfigurationError, ModelError
+from granbench.generators.catalogue import generator
+from granbench.generators.classical import generate as generate_module
+from granbench.generators.classical.design import GROUND_TRUTHS, GroundTruth
+from granbench.models import find_model
+from granbench.paths.drawn import STRAIN_GRID
+from granbench.records import content_hashes, open_records, validate_records, verify
+
+DATASET = "gp-j2"
+generate = partial(generator(DATASET), "smoke", progress="quiet")
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """Folder of a finished smoke campaign, its dataset's file and its report; only to be read."""
+    out = tmp_path_factory.mktemp("gp")
+    path, report = generate(out)
+    return out, path, report
+
+
+@pytest.fixture
+def dataset(finished) -> xr.Dataset:
+    with open_records(finished[1]) as ds:
+        return ds.load()
+
+
+def test_dataset_is_valid_sealed_and_says_how_it_was_made(finished, dataset) -> None:
+    _, path, report = finished
+    assert path.name == "gp-j2-0.0.0+smoke.nc"
+    assert list(report.done) == [DATASET]
+    validate_records(dataset, str(path))
+    verify(dataset, str(path))
+    assert dict(dataset.sizes) == {"path": 56, "step": 41, "component": 3, "strain_component": 3}
+    truth = json.loads(dataset.attrs["ground_truth"])
+    cell = find_model(truth["model"])(truth["parameters"])
+    assert cell.values() == find_model("j2")().values()
+    configuration = json.loads(dataset.attrs["configuration"])
+    assert configuration["splits"]["ood-rougher"]["family"]["l"] == [0.04, 0.08]
+
+
+@pytest.mark.parametrize("name", GROUND_TRUTHS)
+def test_stress_is_a_fresh_rollout_of_the_cell(name: str) -> None:
+    """Strain and start in the file are all that the run depended on, in single precision.
+
+    Tolerance: a unit of single precision, since with gradients some models go through other
+    instructions, whose last bit of double precision may differ.
+    """
+    ds = plane_records(name)
+    truth = json.loads(ds.attrs["ground_truth"])
+    cell = find_model(truth["model"])(truth["parameters"])
+    strain = torch.from_numpy(ds["strain"].values.astype(np.float64))
+    with torch.no_grad():
+        run = cell.rollout(strain, conditions_of(ds))
+    stress = ds["stress"].values
+    unit = {"rtol": 1.2e-7, "atol": 1e-9 * np.abs(stress).max()}
+    np.testing.assert_allclose(run.stress.numpy().astype(np.float32), stress, **unit)
+    assert set(run.internals) == set(cell.internals) <= set(ds.data_vars)
+    for internal, values in run.internals.items():
+        unit["atol"] = 1e-9 * np.abs(ds[internal].values).max()
+        single = values.numpy().astype(np.float32)
+        np.testing.assert_allclose(single, ds[internal].values, **unit)
+
+
+@pytest.mark.parametrize("name", GROUND_TRUTHS)
+def test_tangents_predict_the_stress_increments_between_kinks(name: str) -> None:
+    """d sigma = C d eps to first order: in the median over the steps, kinks in the minority.
+
+    Steps of the smoke preset are five times those of the core, 7e-3 in the median.
+    """
+    ds = plane_records(name).isel(path=slice(0, 24))
+    dstrain, dstress = (np.diff(ds[v].values.astype(float), axis=1) for v in ("strain", "stress"))
+    predicted = np.einsum("psij,psj->psi", ds["tangent"].values[:, 1:].astype(float), dstrain)
+    error = np.linalg.norm(predicted - dstress, axis=-1)
+    assert np.median(error) < 0.1 * np.median(np.linalg.norm(dstress, axis=-1))
+
+
+def test_paths_start_at_zero_on_the_strain_grid(dataset) -> None:
+    strain = dataset["strain"].values.astype(float)
+    assert (strain[:, 0] == 0.0).all()
+    assert (dataset["stress"].values[:, 0] == 0.0).all()
+    np.testing.assert_array_equal(strain, np.round(strain / STRAIN_GRID) * STRAIN_GRID)
+
+
+def test_every_path_is_a_specimen_and_no_split_shares_one(dataset) -> None:
+    np.testing.assert_array_equal(dataset["specimen"].values, dataset["path_id"].values)
+    report = leak_report(dataset)
+    assert report.clean
+    assert set(report.nearest_path_distance) >= {"train-test", "train-validation"}
+    # Paths of few degrees of freedom come close; none repeats another.
+    assert min(report.nearest_path_distance.values()) > 0.01
+
+
+def test_the_same_seed_gives_the_same_bits_in_another_process(dataset) -> None:
+    assert content_hashes(plane_records(DATASET)) == content_hashes(dataset)
+
+
+def test_another_seed_gives_other_paths() -> None:
+    first, second = (plane_records(DATASET, seed)["strain"].values for seed in (0, 1))
+    assert (first[:, 1:] != second[:, 1:]).any(axis=(1, 2)).all()
+
+
+def test_shear_strains_are_the_same_for_every_model() -> None:
+    """Pressure-dependent models differ in the volume change only."""
+    plain, scaled = plane_records("gp-j2"), plane_records("gp-dp")
+    same = scaled.isel(path=slice(0, plain.sizes["path"]))
+    np.testing.assert_array_equal(plain["path_id"].values, same["path_id"].values)
+    for part in (lambda e: e[..., 2], lambda e: e[..., 0] - e[..., 1]):
+        np.testing.assert_allclose(
+            part(plain["strain"].values.astype(float)),
+            part(same["strain"].values.astype(float)),
+            atol=2.0 * STRAIN_GRID,
+        )
+
+
+def test_the_file_of_a_frictional_model_explains_its_scaling() -> None:
+    ds = plane_records("gp-dp")
+    split = ds["split"].values.astype(str)
+    factor = ds["volumetric_factor"].values
+    assert "mean stress stays between 0.1 and 50" in ds.attrs["admissible_scaling"]
+    assert (factor[split == "ood-unscaled"] == 1.0).all()
+    assert 0.0 < factor[split == "train"].min() < 1.0
+    pressure = ds["stress"].values[..., :2].mean(-1)
+    held = pressure[split != "ood-unscaled"]
+    assert held.min() >= 0.1 * 1e5 * (1.0 - 1e-6)  # single precision
+    assert pressure[split == "ood-unscaled"].min() < 1.0  # Pa: the apex
+
+
+def test_running_again_continues_without_a_job_and_gives_the_same_file(finished, tmp_path) -> None:
+    own = Path(shutil.copytree(finished[0], tmp_path / "own"))
+    path, again = generate(own)
+    assert again.skipped == (DATASET,)
+    with open_records(finished[1]) as first, open_records(path) as second:
+        assert first.attrs["content_sha256"] == second.attrs["content_sha256"]
+
+
+def test_other_settings_in_the_same_folder_are_refused(finished, tmp_path) -> None:
+    own = Path(shutil.copytree(finished[0], tmp_path / "own"))
+    with pytest.raises(ConfigurationError, match="other settings: seed was 0 and is 1"):
+        generate(own, seed=1)
+
+
+def test_a_model_that_is_not_there_is_named(tmp_path, monkeypatch) -> None:
+    unknown = GroundTruth(dataset=DATASET, model="j3", thesis_section="6.6.2")
+    monkeypatch.setitem(generate_module.GROUND_TRUTHS, DATASET, unknown)
+    with pytest.raises(ModelError, match="unknown classical model 'j3'"):
+        generate(tmp_path)

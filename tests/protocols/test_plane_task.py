@@ -1,0 +1,90 @@
+"""A task in the plane: floors, ceiling and the ground truth itself."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+from plane_records import plane_records
+
+from granbench.baselines.linear_elastic import fitted_moduli
+from granbench.candidate import find_candidate
+from granbench.cell import Conditions, MaterialCell
+from granbench.data.normalisation import Normalisation
+from granbench.generators.classical.design import GROUND_TRUTHS
+from granbench.models import find_model
+from granbench.predictions import PROTOCOLS, evaluated
+from granbench.protocols import predict
+from granbench.scoring import Scorecard, score
+
+
+def card(cell: MaterialCell, records: xr.Dataset) -> Scorecard:
+    scored = evaluated(records)
+    return score(predict({0: cell}, scored), scored, Normalisation.from_training(records))
+
+
+def values(card: Scorecard, metric: str = "stress_mse_mean") -> dict[str, float]:
+    """Of the test split, by protocol."""
+    return {name: card.find(name, "test", metric).value for name in PROTOCOLS}
+
+
+@pytest.mark.parametrize("name", GROUND_TRUTHS)
+def test_oracle_scores_exactly_zero_on_every_axis(name: str) -> None:
+    records = plane_records(name)
+    result = card(find_candidate("oracle", records).cell, records)
+    assert result.perfect
+    assert {item.protocol for item in result.scores if item.status == "scored"} == set(PROTOCOLS)
+
+
+@pytest.mark.parametrize("name", GROUND_TRUTHS)
+def test_the_ground_truth_repeats_its_own_paths(name: str) -> None:
+    """Without noise, from the start and from any recorded state.
+
+    A state in single precision is off by 6e-8; predictions and truth, rounded to 15 bits, then
+    differ by 3e-5 at two steps in a thousand: some 1e-12 in a squared error. In another batch
+    the last bit of an exponential may differ, which now and then does the same to a rollout.
+    """
+    records = plane_records(name)
+    truth = json.loads(records.attrs["ground_truth"])
+    result = card(find_model(truth["model"])(truth["parameters"]), records)
+    scores = values(result)
+    assert scores["rollout"] < 1e-9
+    assert scores["window"] < 1e-9
+    assert scores["single-step"] < 1e-9
+    assert scores["noise-1.0"] > 1e-4  # it follows the noise, as any honest model does
+    assert values(result, "failed_share")["noise-1.0"] == 0.0
+
+
+@pytest.mark.parametrize("floor", ["persistence", "linear-elastic"])
+@pytest.mark.parametrize("name", GROUND_TRUTHS)
+def test_floors_run_on_every_protocol(name: str, floor: str) -> None:
+    records = plane_records(name)
+    result = card(find_candidate(floor, records).cell, records)
+    assert all(value > 0.0 for value in values(result).values())
+    assert set(values(result, "failed_share").values()) == {0.0}
+    with_voids = "void_ratio" in records
+    status = result.find("rollout", "test", "void_ratio_mse_mean").status
+    assert status == ("scored" if with_voids else "not_applicable")
+
+
+def test_persistence_keeps_the_stress_of_the_start() -> None:
+    records = plane_records()
+    cell = find_candidate("persistence", records).cell
+    predicted = predict({0: cell}, evaluated(records), ["rollout"])["stress"].values
+    assert (predicted == 0.0).all()  # the paths start without stress
+
+
+def test_moduli_of_elastic_paths_are_those_of_the_model() -> None:
+    """J2 with a yield stress that is never met is linear elasticity in the plane."""
+    records = plane_records()
+    cell = find_model("j2")({"yield_stress": 1e9})
+    strain = records["strain"].values.astype(np.float64)
+    start = Conditions(torch.zeros(len(strain), 3, dtype=torch.float64))
+    with torch.no_grad():
+        stress = cell.rollout(torch.from_numpy(strain), start).stress.numpy()
+    expected = (cell.values()["bulk_modulus"], cell.values()["shear_modulus"])
+    assert fitted_moduli(strain, stress, "plane") == pytest.approx(expected, rel=1e-10)
+    elastic = records.assign(stress=(records["stress"].dims, stress.astype(np.float32)))
+    floor = find_candidate("linear-elastic", elastic).cell
+    assert values(card(floor, elastic))["rollout"] < 1e-9  # moduli from single precision
