@@ -14,7 +14,8 @@ from granbench.candidate import find_candidate
 from granbench.cell import Conditions, MaterialCell
 from granbench.data.verification import task_file
 from granbench.errors import ConfigurationError, ModelError
-from granbench.models import MODELS, find_model
+from granbench.models import MODELS, ClassicalCell, find_model
+from granbench.models.parameter_file import cell_from_file, read_parameters
 from granbench.paths.mixed_control import isotropic_stress
 from granbench.records import open_records
 
@@ -32,14 +33,17 @@ class ModelChoice:
 
     Parameters
     ----------
-    name : of a classical model or baseline, folder of a trained one, or package.module:factory
-    parameter_set, parameter_file : of a classical model, one of them or none
+    name : of a classical model or baseline, parameter file (.json) of a classical one, folder of
+        a trained model, or package.module:factory
+    parameter_set, parameter_file : of a classical model that is named, one of them or none
     task : dataset that a baseline without training is fitted to
 
     Raises
     ------
+    ModelError
+        If there is no such model.
     ConfigurationError
-        If parameters are given twice, or to a model that is not classical.
+        If parameters are given twice, or to a model that takes none.
     """
 
     name: str
@@ -48,20 +52,37 @@ class ModelChoice:
     task: str = DEFAULT_TASK
 
     def __post_init__(self) -> None:
+        known = [*MODELS, *baseline_names()]
+        if not (":" in self.name or Path(self.name).exists() or self.name in known):
+            near = get_close_matches(self.name, known, n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            raise ModelError(
+                f"unknown model {self.name!r}: {hint}there are {', '.join(known)}, parameter "
+                "files, folders of trained models, and package.module:factory"
+            )
         given = {"--set": self.parameter_set, "--params": self.parameter_file}
         options = [option for option, value in given.items() if value is not None]
         if len(options) > 1:
             raise ConfigurationError("--set and --params both give parameters; leave one out")
-        if options and not self.classical:
+        if options and self.name not in MODELS:
             raise ConfigurationError(
                 f"{options[0]} gives the parameters of a classical model ({', '.join(MODELS)}), "
-                f"which {self.name!r} is not; leave it out"
+                f"which {self.name!r} does not name; leave it out"
             )
 
-    @property
-    def classical(self) -> bool:
-        """Whether it is a classical model, which is made in any component order."""
-        return self.name in MODELS
+    def classical(self) -> type[ClassicalCell] | None:
+        """The classical model, which is made in any component order; None for any other kind.
+
+        Raises
+        ------
+        ModelError
+            If a parameter file is damaged.
+        """
+        if self.name in MODELS:
+            return MODELS[self.name]
+        if self._is_file():
+            return find_model(read_parameters(Path(self.name)).model)
+        return None
 
     def cell(self, order: str) -> MaterialCell:
         """The model's cell; only a classical one heeds the component order.
@@ -69,11 +90,11 @@ class ModelChoice:
         Raises
         ------
         ModelError
-            If the model, its parameters or its files are unknown or damaged.
+            If its parameters or files are unknown or damaged.
         """
+        if self._is_file():
+            return cell_from_file(Path(self.name), order)
         if self.parameter_file is not None:
-            from granbench.models.parameter_file import cell_from_file
-
             cell = cell_from_file(self.parameter_file, order)
             if cell.name != self.name:
                 raise ModelError(
@@ -81,18 +102,13 @@ class ModelChoice:
                     f"{self.name!r}; name the model that they belong to"
                 )
             return cell
-        if self.classical:
-            return find_model(self.name)(parameter_set=self.parameter_set, order=order)
-        known = [*MODELS, *baseline_names()]
-        if not (":" in self.name or Path(self.name).exists() or self.name in known):
-            near = get_close_matches(self.name, known, n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
-            raise ModelError(
-                f"unknown model {self.name!r}: {hint}there are {', '.join(known)}, folders of "
-                "trained models, and package.module:factory"
-            )
+        if self.name in MODELS:
+            return MODELS[self.name](parameter_set=self.parameter_set, order=order)
         with open_records(task_file(self.task)) as records:
             return find_candidate(self.name, records, seeds=(0,)).cell
+
+    def _is_file(self) -> bool:
+        return Path(self.name).suffix == ".json" and Path(self.name).is_file()
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from granbench.cell import MaterialCell
 from granbench.driven_model import ModelChoice
 from granbench.element_test import ElementTest, Failure, run_test
 from granbench.errors import ConfigurationError
-from granbench.models import find_model
 from granbench.paths.mixed_control import DIRECTIONS, MixedControl
 from granbench.paths.programme import Floats, LoadingProgramme
 from granbench.paths.strain_files import STRAIN, STRESS, PathTable, answer_records
@@ -166,7 +165,8 @@ def cell_for_test(
     ConfigurationError
         If a component order is asked of a model that has its own, or is unknown.
     """
-    if not choice.classical:
+    model = choice.classical()
+    if model is None:
         if order is not None:
             raise ConfigurationError(
                 f"--order is for classical models; {choice.name} has its own components, leave "
@@ -176,7 +176,7 @@ def cell_for_test(
     if order is not None:
         return choice.cell(order)
     plane_first = ("plane", "principal", "full")
-    orders = plane_first if find_model(choice.name).dimension == 2 else plane_first[1:]
+    orders = plane_first if model.dimension == 2 else plane_first[1:]
     return choice.cell(next(own for own in orders if _serves(own, programme)))
 
 
@@ -218,6 +218,7 @@ def drive(
     state: Tensor,
     *,
     configuration: Mapping[str, object],
+    tolerance: float | None = None,
     on_step: Callable[[int], None] | None = None,
 ) -> Answer:
     """Take a cell along a course.
@@ -228,6 +229,7 @@ def drive(
     course : what is prescribed
     state : (point, n_state) at its start
     configuration : what was asked for, kept with the records
+    tolerance : of held stresses, see `run_test`
     on_step : called with the number of each step that is done
 
     Raises
@@ -235,7 +237,7 @@ def drive(
     ConfigurationError
         Naming the row, or path and step, where the model cannot follow.
     """
-    test = run_test(cell, course.control, state, on_step=on_step)
+    test = run_test(cell, course.control, state, tolerance=tolerance, on_step=on_step)
     if test.failures:
         raise ConfigurationError(_failed(test.failures, test, course, cell.name))
     records = answer_records(

@@ -150,7 +150,7 @@ LAYERS = (
     ("plotting", "paths"),
     ("data",),
     ("models",),
-    ("element_test",),
+    ("element_test", "stress_control"),
     ("scoring",),
     ("protocols", "candidate"),
     ("driven_model", "driving", "laboratory"),

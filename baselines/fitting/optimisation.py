@@ -11,13 +11,21 @@ from granbench.baselines.fitting.problem import Problem
 LONGEST_STEP = 1.0
 """Of a Levenberg-Marquardt step in any parameter: a factor e of a positive one."""
 
+SMALLEST_STEP = 1e-10
+"""In every parameter; less is rounding."""
+
+CALM_STEPS = 2
+
 FARTHEST = 12.0
 """Size of an unconstrained number, e^12 of a positive parameter, at which it is stopped."""
 
-FIRST_DAMPING = 1e-2
-DAMPING_UP, DAMPING_DOWN = 4.0, 0.3
+FIRST_DAMPING = 1e-3
+DAMPING_UP = 2.0
+"""Factor after a failed step; it doubles with every failure that follows at once."""
+GREATEST_FALL = 0.1
+"""Of the damping, after a step that did what the linearisation promised."""
 LARGEST_DAMPING = 1e10
-SMALLEST_DAMPING = 1e-12
+SMALLEST_DAMPING = 1e-15
 
 
 @dataclass(frozen=True)
@@ -28,14 +36,14 @@ class Effort:
     ----------
     adam_iterations, learning_rate : of the first stage, by back-propagation
     iterations : of Levenberg-Marquardt, at most
-    tolerance : relative decrease of the sum of squares, and size of a step, below which a start
-        has converged
+    tolerance : relative decrease of the sum of squares below which a start has converged, if two
+        steps that follow each other bring no more
     """
 
-    adam_iterations: int = 20
+    adam_iterations: int = 5
     learning_rate: float = 0.1
     iterations: int = 60
-    tolerance: float = 1e-8
+    tolerance: float = 1e-5
 
 
 @dataclass(frozen=True)
@@ -79,7 +87,8 @@ def adam(problem: Problem, vectors: Tensor, effort: Effort, on: OnIteration | No
             better = loss < lowest
             best = torch.where(better[:, None], vectors, best)
             lowest = torch.where(better, loss, lowest)
-            vectors.grad = torch.nan_to_num(vectors.grad, posinf=0.0, neginf=0.0)
+            if vectors.grad is not None:
+                vectors.grad = torch.nan_to_num(vectors.grad, posinf=0.0, neginf=0.0)
         if on is not None:
             on("adam", iteration + 1, float(lowest.min()))
         optimiser.step()
@@ -107,15 +116,18 @@ def levenberg_marquardt(
 
     References
     ----------
-    Marquardt (1963), SIAM J. Appl. Math. 11(2): damping scaled by the diagonal of J^T J.
+    Levenberg (1944), Quart. Appl. Math. 2(2): the damping. Nielsen (1999), IMM-REP-1999-05: how it
+    follows the ratio of the decrease to what the linearisation promised.
     """
     count, size = vectors.shape
     vectors = vectors.clone()
     noise = torch.zeros(count, 1, dtype=torch.float64) if offset is None else offset
     cost = ((problem.residuals(vectors) + noise) ** 2).sum(dim=1)
     damping = torch.full((count,), FIRST_DAMPING, dtype=torch.float64)
+    growth = torch.full((count,), DAMPING_UP, dtype=torch.float64)
     converged = torch.zeros(count, dtype=torch.bool)
     iterations = torch.zeros(count, dtype=torch.int64)
+    calm = torch.zeros(count, dtype=torch.int64)
     running = cost.isfinite()
     stale = torch.ones(count, dtype=torch.bool)
     normal = torch.zeros(count, size, size, dtype=torch.float64)
@@ -132,14 +144,21 @@ def levenberg_marquardt(
         step = _damped_step(normal[at], gradient[at], damping[at])
         trial = (vectors[at] + step).clamp(-FARTHEST, FARTHEST)
         trial_cost = ((problem.residuals(trial) + noise[at]) ** 2).sum(dim=1)
-        better = trial_cost < cost[at]
-        gain = (cost[at] - trial_cost) / cost[at].clamp(min=torch.finfo(cost.dtype).tiny)
+        before = cost[at]
+        better = trial_cost < before
+        gain = (before - trial_cost) / before.clamp(min=torch.finfo(cost.dtype).tiny)
         moved = (trial - vectors[at]).abs().amax(dim=1)
-        settled = (better & (gain < effort.tolerance)) | (moved < effort.tolerance)
+        calm[at] = torch.where(better & (gain < effort.tolerance), calm[at] + 1, 0)
+        settled = (calm[at] >= CALM_STEPS) | (moved < SMALLEST_STEP)
         vectors[at] = torch.where(better[:, None], trial, vectors[at])
-        cost[at] = torch.where(better, trial_cost, cost[at])
+        cost[at] = torch.where(better, trial_cost, before)
         stale[at] = better
-        factor = torch.where(better, DAMPING_DOWN, DAMPING_UP)
+        promised = -(2.0 * gradient[at] * step).sum(dim=1)
+        promised = promised - torch.einsum("vp,vpq,vq->v", step, normal[at], step)
+        ratio = (before - trial_cost) / promised.clamp(min=torch.finfo(cost.dtype).tiny)
+        fall = (1.0 - (2.0 * ratio - 1.0) ** 3).clamp(GREATEST_FALL, DAMPING_UP)
+        factor = torch.where(better, fall, growth[at])
+        growth[at] = torch.where(better, DAMPING_UP, 2.0 * growth[at])
         damping[at] = (damping[at] * factor).clamp(min=SMALLEST_DAMPING)
         iterations[at] += 1
         # Damped beyond measure without a gain: the point is a minimum to rounding, or a kink.
@@ -152,11 +171,15 @@ def levenberg_marquardt(
 
 
 def _damped_step(normal: Tensor, gradient: Tensor, damping: Tensor) -> Tensor:
-    """-(J^T J + damping diag(J^T J))^-1 J^T r, (start, parameter), no longer than allowed."""
-    diagonal = normal.diagonal(dim1=1, dim2=2)
-    # A parameter without any influence must not make the matrix singular: it stays put.
-    floor = 1e-12 * diagonal.amax(dim=1, keepdim=True).clamp(min=torch.finfo(normal.dtype).tiny)
-    damped = normal + torch.diag_embed(damping[:, None] * diagonal.clamp(min=floor) + floor)
+    """-(J^T J + damping max(diag J^T J) I)^-1 J^T r, (start, parameter), no longer than allowed.
+
+    The unconstrained numbers are of one size, so one damping holds all of them. Marquardt's
+    scaling by the diagonal would let a parameter run that hardly acts, and with the length of the
+    step bounded the others would stand still for it.
+    """
+    largest = normal.diagonal(dim1=1, dim2=2).amax(dim=1).clamp(min=torch.finfo(normal.dtype).tiny)
+    identity = torch.eye(normal.shape[1], dtype=normal.dtype)
+    damped = normal + (damping * largest)[:, None, None] * identity
     step, _ = torch.linalg.solve_ex(damped, -gradient)
     step = step.nan_to_num()
     length = step.abs().amax(dim=1, keepdim=True)

@@ -1,7 +1,9 @@
 """The free parameters of a model as one vector of unconstrained numbers, many vectors at a time.
 
-`Parameter.constrained` maps a number u to a value: u = 0 is the value that the cell was made with,
-and for a positive parameter u is the logarithm of the factor to it.
+`Parameter.constrained` maps a number u to a value: u = 0 is the value v0 that the cell was made
+with, and for a positive parameter u is the logarithm of the factor to it. For one without bounds
+it is v = v0 + |v0| u, which would tie a search to the size of a small v0; so here its number is
+v - v0 where |v0| is below one.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -60,12 +62,22 @@ class ParameterSpace:
         by_name = {parameter.name: parameter for parameter in self.cell.parameter_table}
         return tuple(by_name[name] for name in self.names)
 
+    @property
+    def scale(self) -> Tensor:
+        """(size,), by which a vector is multiplied to be the numbers u."""
+        return torch.tensor([self._scale(parameter) for parameter in self.parameters]).double()
+
+    def _scale(self, parameter: Parameter) -> float:
+        start = abs(self.cell.reference[parameter.name])
+        return 1.0 / start if parameter.lower == -torch.inf and 0.0 < start < 1.0 else 1.0
+
     def values(self, vectors: Tensor) -> dict[str, Tensor]:
         """Values of the free parameters, each (...), of vectors (..., size)."""
         with torch.no_grad():
+            numbers = vectors * self.scale
             return {
                 parameter.name: parameter.constrained(
-                    vectors[..., place], self.cell.reference[parameter.name]
+                    numbers[..., place], self.cell.reference[parameter.name]
                 )
                 for place, parameter in enumerate(self.parameters)
             }
@@ -87,7 +99,7 @@ class ParameterSpace:
 
     def per_point(self, vectors: Tensor, tests: int) -> dict[str, Tensor]:
         """Unconstrained parameters (point,) by name, for points vector by vector, then test."""
-        columns = vectors.unbind(dim=1)
+        columns = (vectors * self.scale).unbind(dim=1)
         return {
             name: column.repeat_interleave(tests)
             for name, column in zip(self.names, columns, strict=True)

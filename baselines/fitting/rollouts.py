@@ -1,27 +1,33 @@
-r"""Predictions of many parameter vectors at a time, and their derivatives in both modes.
+r"""Predictions of many parameter vectors at a time, and their derivatives.
 
 Where stresses are held, the free strains x of a step solve r(x, state, theta) = 0, and by the
 implicit function theorem dx = -(dr/dx)^-1 (dr/dstate dstate + dr/dtheta dtheta): Newton's
 iterations of `granbench.element_test` are never differentiated, only the step that they end with.
 
-*Forward*, for the Jacobian of a few parameters: state sensitivities are carried from step to step
-(Eq 7.36 turned round). One call of the cell with dual numbers gives d(stress, state)/d theta at
-fixed x and d(stress, state)/dx together, for each direction is a copy of the points of its own.
+A *gradient* comes from back-propagation through the whole sequence. The *Jacobian* of all that is
+compared, with its many rows and few columns, is carried forward from step to step (Eq 7.36):
 
-*Reverse*, for a gradient: back-propagation through the whole sequence.
+    d state_n+1 = A d state_n + B d strain + P d theta
+
+where one back-propagation through one step gives A, B and P together: each entry of the new state
+is asked of a copy of the points of its own.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
-from torch.autograd import forward_ad
 
+from granbench.baselines.fitting.newton_cell import NewtonCell
 from granbench.baselines.fitting.observations import TestBatch
 from granbench.baselines.fitting.parameter_space import ParameterSpace, with_parameters
 from granbench.cell import Conditions
 from granbench.element_test import run_test
 from granbench.models import ClassicalCell
+
+HELD_TOLERANCE = 1e-7
+"""Of the held stresses, relative: far below what any laboratory holds."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +56,8 @@ def predict(space: ParameterSpace, vectors: Tensor, batch: TestBatch) -> Predict
         If the model cannot start so.
     """
     control, conditions = batch.repeated(len(vectors))
-    free = space.per_point(vectors.detach(), batch.size)
-    done = with_parameters(space.cell, free, lambda cell: run_test(cell, control, conditions))
+    cell = NewtonCell(space.cell, space.per_point(vectors.detach(), batch.size))
+    done = run_test(cell, control, conditions, tolerance=HELD_TOLERANCE)
     shape = (len(vectors), batch.size, control.steps, -1)
     return Prediction(
         torch.from_numpy(done.strain).reshape(shape), torch.from_numpy(done.stress).reshape(shape)
@@ -69,80 +75,76 @@ def sensitivity(
     batch : the tests
     prediction : that `predict` made of the same vectors
     """
-    points = len(vectors) * batch.size
+    cell, stress = space.cell, space.cell.layout["stress"]
     held = torch.from_numpy(batch.control.held).repeat(len(vectors), 1, 1)
     along = torch.from_numpy(batch.control.free).repeat(len(vectors), 1, 1)
-    slots = space.size + along.shape[2]
-    _, conditions = batch.repeated(len(vectors) * slots)
+    _, conditions = batch.repeated(len(vectors) * cell.layout.size)
     free = space.per_point(vectors.detach(), batch.size)
     strain = prediction.strain.flatten(0, 1)
-    increments = (strain[:, 1:] - strain[:, :-1]).nan_to_num()
-    # Copy by copy: first one for each parameter, then one for each free strain.
-    dstrain_tangent = torch.zeros(slots, points, strain.shape[2], dtype=torch.float64)
-    dstrain_tangent[space.size :] = along.permute(2, 0, 1)
-
-    def run(cell: ClassicalCell) -> Tensor:
-        state, carried = _parts(cell.initial_state(conditions), points)
-        stress_change = carried[: space.size, :, cell.layout["stress"]]
-        strain_change = torch.zeros_like(dstrain_tangent[: space.size])
-        stresses, strains = [stress_change], [strain_change]
-        for dstrain in increments.unbind(dim=1):
-            incoming = carried.clone()
-            incoming[space.size :] = 0.0
-            _, after = cell.step(
-                forward_ad.make_dual(dstrain.repeat(slots, 1), dstrain_tangent.flatten(0, 1)),
-                forward_ad.make_dual(state.repeat(slots, 1), incoming.flatten(0, 1)),
-            )
-            state, local = _parts(after, points)
-            carried, moved = _implicit(local, held, space.size, cell.layout["stress"])
-            strain_change = strain_change + torch.einsum("pck,jpk->jpc", along, moved)
-            stresses.append(carried[: space.size, :, cell.layout["stress"]])
-            strains.append(strain_change)
-        change = batch.quantity(torch.stack(stresses, 2), torch.stack(strains, 2))
-        return change.unflatten(1, (len(vectors), batch.size)).permute(1, 2, 3, 4, 0)
-
-    with forward_ad.dual_level():
-        unit = torch.eye(slots, space.size, dtype=torch.float64).repeat_interleave(points, 0)
-        dual = {
-            name: forward_ad.make_dual(free[name].repeat(slots), unit[:, place].contiguous())
-            for place, name in enumerate(space.names)
-        }
-        return with_parameters(space.cell, dual, run)
+    state, of_parameters, _ = _differentiated(
+        cell, free, {}, lambda model, _: model.initial_state(conditions)
+    )
+    change, moved = of_parameters, strain.new_zeros(*strain[:, 0].shape, space.size)
+    stresses, strains = [change[:, stress]], [moved]
+    for dstrain in (strain[:, 1:] - strain[:, :-1]).nan_to_num().unbind(dim=1):
+        state, of_parameters, (of_state, of_strain) = _differentiated(
+            cell,
+            free,
+            {"state": state, "dstrain": dstrain},
+            lambda model, given: model.step(given["dstrain"], given["state"])[1],
+        )
+        change = of_state @ change + of_parameters
+        if along.shape[2]:
+            of_free = of_strain @ along
+            x, _ = torch.linalg.solve_ex(held @ of_free[:, stress], held @ change[:, stress])
+            change = change - of_free @ x
+            moved = moved - along @ x
+        stresses.append(change[:, stress])
+        strains.append(moved)
+    # (point, step, component, parameter), as `TestBatch.quantity` wants it: components last.
+    of_stress, of_strain = (torch.stack(parts, dim=1).mT for parts in (stresses, strains))
+    # The cell's own numbers are the vectors' times a scale.
+    quantities = batch.quantity(of_stress, of_strain).mT * space.scale
+    return quantities.unflatten(0, (len(vectors), batch.size))
 
 
-def _parts(dual: Tensor, points: int) -> tuple[Tensor, Tensor]:
-    """Value (point, n) of the first copy, and the tangents (slot, point, n) of all."""
-    value, tangent = forward_ad.unpack_dual(dual)
-    if tangent is None:
-        tangent = torch.zeros_like(value)
-    return value[:points], tangent.unflatten(0, (-1, points))
-
-
-def _implicit(local: Tensor, held: Tensor, parameters: int, stress: slice) -> tuple[Tensor, Tensor]:
-    """Tangents after a step in which the free strains keep the held stresses.
+def _differentiated(
+    cell: ClassicalCell,
+    free: Mapping[str, Tensor],
+    given: Mapping[str, Tensor],
+    action: Callable[[ClassicalCell, Mapping[str, Tensor]], Tensor],
+) -> tuple[Tensor, Tensor, tuple[Tensor, ...]]:
+    """A state and its derivatives by parameters and by what is given.
 
     Parameters
     ----------
-    local : (slot, point, n), tangents at fixed free strains, then those of the free strains
-    held : (point, control, component)
-    parameters : number of the first kind of slots
-    stress : where the state holds the stress
+    cell : the model
+    free : unconstrained parameters (point,) by name
+    given : (point, n) by name
+    action : makes the state (copy * point, n_state) of a cell and of what is given, repeated
 
     Returns
     -------
-    carried : (slot, point, n)
-    moved : (parameter, point, control), d x / d theta of the step
+    state : (point, n_state)
+    of_parameters : (point, n_state, parameter)
+    of_given : (point, n_state, n) each
     """
-    at_fixed, of_free = local[:parameters], local[parameters:]
-    if not len(of_free):
-        return local, local.new_zeros(parameters, local.shape[1], 0)
-    by_parameter = torch.einsum("pkc,jpc->pkj", held, at_fixed[..., stress])
-    by_strain = torch.einsum("pkc,xpc->pkx", held, of_free[..., stress])
-    solved, _ = torch.linalg.solve_ex(by_strain, by_parameter)
-    moved = -solved.permute(2, 0, 1)
-    carried = local.clone()
-    carried[:parameters] = at_fixed + torch.einsum("xpn,jpx->jpn", of_free, moved)
-    return carried, moved
+    copies = cell.layout.size
+    leaves = {name: value.repeat(copies).requires_grad_() for name, value in free.items()}
+    inputs = {name: value.repeat(copies, 1).requires_grad_() for name, value in given.items()}
+    with torch.enable_grad():
+        state = with_parameters(cell, leaves, lambda model: action(model, inputs))
+        by_copy = state.unflatten(0, (copies, -1))
+        own = torch.diagonal(by_copy, dim1=0, dim2=2).sum()
+    variables = [*leaves.values(), *inputs.values()]
+    if own.requires_grad:
+        gradients = torch.autograd.grad(own, variables, materialize_grads=True)
+    else:
+        gradients = tuple(torch.zeros_like(variable) for variable in variables)
+    by_name = [gradient.unflatten(0, (copies, -1)) for gradient in gradients]
+    of_parameters = torch.stack(by_name[: len(leaves)], dim=-1).transpose(0, 1)
+    of_given = tuple(gradient.transpose(0, 1) for gradient in by_name[len(leaves) :])
+    return by_copy[0].detach(), of_parameters, of_given
 
 
 def differentiable_quantities(space: ParameterSpace, vectors: Tensor, batch: TestBatch) -> Tensor:

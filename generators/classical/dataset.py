@@ -57,6 +57,7 @@ def assemble(
     counts = [plan.count for plan in plans]
     names = [f"{plan.name}/{number:04d}" for plan in plans for number in range(plan.count)]
     order = list(COMPONENT_ORDERS["plane"])
+    axes = {"component": order} | ({"strain_component": order} if "tangent" in series else {})
     of_paths: dict[str, Any] = {
         "path_id": names,
         "specimen": names,
@@ -74,8 +75,7 @@ def assemble(
             for name, values in series.items()
         },
         coords={
-            "component": order,
-            "strain_component": order,
+            **axes,
             **{name: ("path", np.asarray(values)) for name, values in of_paths.items()},
             "seed": ("path", seeds, {"long_name": "seed of the split's random numbers"}),
         },

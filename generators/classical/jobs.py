@@ -76,25 +76,14 @@ def run_paths(
         If the model cannot follow a path.
     """
     cell = find_model(configuration["model"])(configuration["parameters"])
-    pressure, steps = configuration["initial_mean_stress"], configuration["steps"]
-    parts = [
-        drawn_split(
-            cell,
-            split,
-            steps=steps,
-            mean_stress=pressure,
-            rng=np.random.default_rng(split_seed(split["name"], seed)),
-        )
-        for split in configuration["splits"]
-    ]
-    strain = np.concatenate([part.strain for part in parts])
+    drawn = drawn_paths(cell, configuration, seed)
     run = response(
         cell,
-        torch.from_numpy(strain),
-        isotropic_start(cell, pressure, len(strain)),
+        torch.from_numpy(drawn.strain),
+        isotropic_start(cell, configuration["initial_mean_stress"], len(drawn.strain)),
         tangents=configuration["tangents"],
     )
-    series = {"strain": strain, "stress": run.stress, **run.internals}
+    series = {"strain": drawn.strain, "stress": run.stress, **run.internals}
     if run.tangent is not None:
         series["tangent"] = run.tangent
     record = {name: np.asarray(values, dtype=np.float32) for name, values in series.items()}
@@ -105,44 +94,48 @@ def run_paths(
                 f"{cell.name} gives no finite {name} on {broken.sum()} of {len(values)} paths, "
                 f"the first is number {int(np.argmax(broken))}; draw smaller strains"
             )
-    names = dict.fromkeys(name for part in parts for name in part.parameters)
-    parameters = {
-        # What was not drawn for the family of a path does not apply to it.
-        name: np.concatenate(
-            [part.parameters.get(name, np.full(len(part.strain), np.nan)) for part in parts]
-        )
-        for name in names
-    }
     # mypy matches the names with savez's own allow_pickle.
     np.savez(out / RECORD_FILE, **record)  # type: ignore[arg-type]
-    np.savez(out / PARAMETERS_FILE, **parameters)  # type: ignore[arg-type]
+    np.savez(out / PARAMETERS_FILE, **drawn.parameters)  # type: ignore[arg-type]
 
 
-def drawn_split(
-    cell: ClassicalCell,
-    split: Mapping[str, Any],
-    *,
-    steps: int,
-    mean_stress: float,
-    rng: np.random.Generator,
-) -> DrawnPaths:
-    """The strain paths of a split, on the strain grid and such that the model can follow them.
+def drawn_paths(cell: ClassicalCell, configuration: Mapping[str, Any], seed: int) -> DrawnPaths:
+    """The strain paths of every split, on the strain grid and such that the model can follow them.
 
     Parameters
     ----------
     cell : the model
-    split : as in the configuration of `campaign_job`
-    steps : increments of a path
-    mean_stress : isotropic, at step 0, Pa
-    rng : of the split
+    configuration : as of `campaign_job`
+    seed : of the dataset
+
+    Returns
+    -------
+    Paths in the order of the splits; a parameter that does not apply to the family of a path
+    is NaN there
     """
-    family = FAMILIES[split["loading_family"]].model_validate(split["family"])
-    drawn = family.draw(rng, split["count"], steps)
+    splits = configuration["splits"]
+    parts = [
+        FAMILIES[split["loading_family"]]
+        .model_validate(split["family"])
+        .draw(
+            np.random.default_rng(split_seed(split["name"], seed)),
+            split["count"],
+            configuration["steps"],
+        )
+        for split in splits
+    ]
+    strain = np.concatenate([part.strain for part in parts])
+    parameters = {
+        name: np.concatenate(
+            [part.parameters.get(name, np.full(len(part.strain), np.nan)) for part in parts]
+        )
+        for name in dict.fromkeys(name for part in parts for name in part.parameters)
+    }
     if not cell.pressure_dependent:
-        return DrawnPaths(on_strain_grid(drawn.strain), drawn.parameters)
-    factor = np.ones(len(drawn.strain))
-    if split["admissible"]:
-        factor = admissible_factors(cell, drawn.strain, mean_stress)
-    return DrawnPaths(
-        scaled_volume(drawn.strain, factor), {**drawn.parameters, "volumetric_factor": factor}
-    )
+        return DrawnPaths(on_strain_grid(strain), parameters)
+    factor = np.ones(len(strain))
+    scaled = np.repeat([split["admissible"] for split in splits], [s["count"] for s in splits])
+    if scaled.any():
+        pressure = configuration["initial_mean_stress"]
+        factor[scaled] = admissible_factors(cell, strain[scaled], pressure)
+    return DrawnPaths(scaled_volume(strain, factor), parameters | {"volumetric_factor": factor})

@@ -80,6 +80,7 @@ def info(
     with _download_bar() as progress:
         file = file_of(source, progress)
     with open_records(file) as ds:
+        _check_seal(ds, file)
         if paths:
             _print_paths(ds, as_json)
             return
@@ -88,6 +89,14 @@ def info(
         _print_json(summary)
     else:
         _print_summary(summary)
+
+
+def _check_seal(ds: Any, file: Path) -> None:
+    """A sealed file is what its hashes say; one that was never sealed may be anyone's."""
+    from granbench.records import verify as verify_records
+
+    if "content_sha256" in ds.attrs:
+        verify_records(ds, str(file))
 
 
 def _print_paths(ds: Any, as_json: bool) -> None:
@@ -180,7 +189,8 @@ def _scatter_sentences(summary: dict[str, Any]) -> Iterator[str]:
         f"Replicate scatter ({scatter['pairs']} pairs of paths, {scatter['specimens']} packings "
         f"prepared again): RMS difference of stress {components} training standard deviations "
         f"by component; normalised MSE {scatter['stress_mse']:.3g}, half of which, "
-        f"{scatter['floor_mse']:.3g}, is the lowest that a whole-path model can honestly score."
+        f"{scatter['floor_mse']:.3g} (median pair {scatter['floor_median']:.3g}), is what a model "
+        "would score that predicts the mean of packings made alike."
     )
     if scatter["void_ratio_rms"] is not None:
         yield f"RMS difference of void ratio between packings: {scatter['void_ratio_rms']:.3g}."
@@ -246,6 +256,7 @@ def plot(
     with _download_bar(quiet) as progress:
         file = file_of(source, progress)
     with open_records(file) as ds:
+        _check_seal(ds, file)
         in_plane = component_order(tuple(map(str, ds["component"].values))) == "plane"
         draw = strain_path_figure if in_plane else dataset_figure
         picture = save_figure(draw(ds, paths=path or None), out or Path(f"{file.stem}.png"))

@@ -29,8 +29,8 @@ def drive(
     model: Annotated[
         str,
         typer.Argument(
-            help="Classical model such as j2, baseline, folder of a trained model, or "
-            "package.module:factory of a cell."
+            help="Classical model such as j2 or its parameter file, baseline, folder of a trained "
+            "model, or package.module:factory of a cell."
         ),
     ],
     out: Annotated[Path, typer.Option("--out", help="CSV or netCDF (.nc) file to write.")],
@@ -78,6 +78,10 @@ def drive(
     task: Annotated[
         str, typer.Option("--task", help="Dataset that a baseline without training is fitted to.")
     ] = "dem-triaxial-mini",
+    tolerance: Annotated[
+        float | None,
+        typer.Option("--tolerance", help="Of held stresses, relative; 1e-9, in float32 1.2e-5."),
+    ] = None,
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Picture to draw as well (.png, .pdf or .svg).")
     ] = None,
@@ -107,7 +111,9 @@ def drive(
         "course": control or (path and path.name),
     }
     with _bar(course.control.steps - 1, cell.name, quiet or as_json) as advance:
-        answer = take(cell, course, state, configuration=configuration, on_step=advance)
+        answer = take(
+            cell, course, state, configuration=configuration, tolerance=tolerance, on_step=advance
+        )
     _write(answer, out)
     if plot is not None:
         save_figure(element_test_figure(answer.records, cell.name, course.component), plot)

@@ -32,6 +32,7 @@ class ReplicateScatter:
         about the mean of its kind
     floor_mse : half of `stress_mse`: what a model scores that predicts that mean exactly, in
         the unit of the models' normalised MSE
+    floor_median : the same of the median pair, to be set beside a model's median path
     void_ratio_rms : RMS difference of void ratio, absolute; None without void ratio
     """
 
@@ -40,6 +41,7 @@ class ReplicateScatter:
     stress_rms: tuple[float, ...]
     stress_mse: float
     floor_mse: float
+    floor_median: float
     void_ratio_rms: float | None
 
     def as_dict(self) -> dict[str, object]:
@@ -106,5 +108,6 @@ def replicate_scatter(
         stress_rms=tuple(float(rms) for rms in np.sqrt(squares.mean(axis=(0, 1)))),
         stress_mse=float(squares.mean()),
         floor_mse=float(squares.mean() / 2.0),
+        floor_median=float(np.median(squares.mean(axis=(1, 2))) / 2.0),
         void_ratio_rms=void_ratio_rms,
     )

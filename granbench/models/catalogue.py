@@ -5,11 +5,13 @@ from difflib import get_close_matches
 
 from granbench.errors import ModelError
 from granbench.models.classical import ClassicalCell
+from granbench.models.csuh import CSUH
 from granbench.models.drucker_prager import DruckerPrager
 from granbench.models.enhanced_ime import EnhancedIME
 from granbench.models.ime import IME
 from granbench.models.j2 import J2
 from granbench.models.j2_hardening import J2Hardening
+from granbench.models.modified_cam_clay import ModifiedCamClay
 
 MODELS: Mapping[str, type[ClassicalCell]] = {
     model.name: model
@@ -19,6 +21,8 @@ MODELS: Mapping[str, type[ClassicalCell]] = {
         J2Hardening,
         IME,
         EnhancedIME,
+        CSUH,
+        ModifiedCamClay,
     )
 }
 

@@ -7,7 +7,6 @@ material cell follow from them here.
 import abc
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
-from types import SimpleNamespace
 from typing import ClassVar, Self
 
 import torch
@@ -16,7 +15,7 @@ from torch import Tensor
 from granbench.cell import Conditions, MaterialCell, StateLayout
 from granbench.errors import ModelError
 from granbench.models.components import TensorRows, tensor_rows
-from granbench.models.parameters import Parameter
+from granbench.models.parameters import Constants, Parameter
 from granbench.tensors import COMPONENT_ORDERS
 
 OUT_OF_PLANE = "out_of_plane_stress"
@@ -47,6 +46,7 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
     parameter_table : its parameters
     parameter_sets : published values, the default first
     pressure_dependent : whether the model is undefined without compression
+    holds_without_stress : whether such a model may start at zero mean stress, its apex
     internal_tensors : tensors beside the stress, such as `plastic_strain`; their components are
         internal variables `plastic_strain_xx` and so on, in the order of `rows`
     internal_variables : scalars beside the stress, after the tensors, under their dataset names
@@ -62,6 +62,7 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
     parameter_table: ClassVar[tuple[Parameter, ...]]
     parameter_sets: ClassVar[Mapping[str, Mapping[str, float]]]
     pressure_dependent: ClassVar[bool] = False
+    holds_without_stress: ClassVar[bool] = False
     internal_tensors: ClassVar[tuple[str, ...]] = ()
     internal_variables: ClassVar[tuple[str, ...]] = ()
 
@@ -90,7 +91,7 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
         for parameter in self.parameter_table:
             parameter.check(self.reference[parameter.name], self.name)
             self.free[parameter.name] = torch.nn.Parameter(torch.zeros((), dtype=dtype))
-        self._remembered: tuple[tuple[float, ...], SimpleNamespace] | None = None
+        self._remembered: tuple[tuple[float, ...], Constants] | None = None
 
     @classmethod
     def _published(cls, parameter_set: str | None) -> Mapping[str, float]:
@@ -115,7 +116,7 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
                 )
         return values
 
-    def constants(self) -> SimpleNamespace:
+    def constants(self) -> Constants:
         """The parameters' values and what is `derived` from them, by name, differentiable.
 
         Tensors () or (point,).
@@ -132,18 +133,19 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
             self._remembered = numbers, remembered
         return self._remembered[1]
 
-    def _constrained(self, free: Sequence[Tensor]) -> SimpleNamespace:
-        constants = SimpleNamespace()
+    def _constrained(self, free: Sequence[Tensor]) -> Constants:
+        constants = Constants()
         for parameter, value in zip(self.parameter_table, free, strict=True):
             number = parameter.constrained(value, self.reference[parameter.name])
             setattr(constants, parameter.name, number)
         vars(constants).update(self.derived(constants))
         return constants
 
-    def derived(self, c: SimpleNamespace) -> Mapping[str, Tensor]:
+    def derived(self, c: Constants) -> Mapping[str, Tensor]:
         """Constants that follow from the parameters `c`, such as moduli; none by default."""
         return {}
 
+    @torch.no_grad()
     def values(self) -> dict[str, float]:
         """The parameters as numbers, by name; a model with parameters per point has none.
 
@@ -195,7 +197,7 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
         return torch.cat([stress, *self.initial_internals(stress, conditions)]).T
 
     def _refuse_tension(self, mean_stress: Tensor) -> None:
-        bad = ~(mean_stress > 0.0)
+        bad = ~(mean_stress > 0.0) & ~((mean_stress == 0.0) & self.holds_without_stress)
         if bad.any():
             point = int(bad.nonzero()[0])
             raise ModelError(
@@ -251,9 +253,10 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
         return any(value.ndim > 0 for value in self.free.values())
 
     def _strain_rows(self, dstrain: Tensor) -> Tensor:
+        rows = dstrain.to(self.dtype).T
         if OUT_OF_PLANE in self.layout:
-            return torch.nn.functional.pad(dstrain.T, (0, 0, 0, 1))  # plane strain: zz is zero
-        return dstrain.T.contiguous()
+            return torch.nn.functional.pad(rows, (0, 0, 0, 1))  # plane strain: zz is zero
+        return rows.contiguous()
 
     def forward(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """`step`, for those who call a torch module."""

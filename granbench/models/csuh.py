@@ -33,7 +33,6 @@ Yao, Liu, Luo, Tian & Zhang (2019), Computers and Geotechnics 110:326-343; Guan 
 
 import math
 from collections.abc import Mapping, Sequence
-from types import SimpleNamespace
 from typing import ClassVar
 
 import torch
@@ -43,16 +42,15 @@ from granbench.cell import Conditions
 from granbench.errors import ModelError
 from granbench.models.classical import ClassicalCell
 from granbench.models.csuh_formulas import (
-    critical_ratio,
     inflection_pressure,
     intercept_in_pascal,
     low_pressure_intercept,
     reference_void_ratio,
-    surface_factor,
 )
-from granbench.models.csuh_increment import Increment, Material
+from granbench.models.csuh_increment import Increment
+from granbench.models.csuh_yielding import Flags, Material, stress_ratio
 from granbench.models.lode import deviator_plane
-from granbench.models.parameters import Parameter
+from granbench.models.parameters import Constants, Parameter
 from granbench.models.substepping import Substepping, substepped
 
 CONSTANTS_OF_A_PATH = ("initial_yield_pressure", "reference_void_ratio")
@@ -80,7 +78,7 @@ class CSUH(ClassicalCell):
     internal_variables = ("hardening", "void_ratio", *CONSTANTS_OF_A_PATH)
     lode_dependent: ClassVar[bool] = True
     state_dependent: ClassVar[bool] = True
-    parameter_table = (
+    parameter_table: ClassVar[tuple[Parameter, ...]] = (
         Parameter("critical_ratio", "M", "1", "critical q/p in triaxial compression", 0.0, 3.0),
         Parameter("compression_slope", "lambda", "1", "slope of compression, e against ln p"),
         Parameter("swelling_slope", "kappa", "1", "slope of swelling, e against ln p"),
@@ -89,7 +87,9 @@ class CSUH(ClassicalCell):
             "compression_intercept", "N", "1", "e of the line of high pressure at 1 kPa", -math.inf
         ),
         Parameter("low_pressure_intercept", "Z", "1", "loosest e at 1 kPa", -math.inf),
-        Parameter("critical_spacing", "chi", "1", "spacing of critical and loosest line", -1.0, 1.0),
+        Parameter(
+            "critical_spacing", "chi", "1", "spacing of critical and loosest line", -1.0, 1.0
+        ),
         Parameter("dilatancy", "m", "1", "dependence of dilatancy on state"),
         Parameter("overconsolidation_ratio", "OCR", "1", "density of a start without e0", 1.0),
     )
@@ -157,22 +157,25 @@ class CSUH(ClassicalCell):
                 f"{self.name}: swelling_slope (kappa) is {swelling:g} but must lie below "
                 f"compression_slope (lambda), {slope:g}; mend one of them"
             )
-        self._increment = Increment(
-            self.rows, lode_dependent=self.lode_dependent, state_dependent=self.state_dependent
-        )
+        self._increment = Increment(self.rows, Flags(self.lode_dependent, self.state_dependent))
 
-    def derived(self, c: SimpleNamespace) -> dict[str, Tensor]:
+    def derived(self, c: Constants) -> dict[str, Tensor]:
         """See `ClassicalCell.derived`."""
         slope = c.compression_slope
         plastic = torch.maximum(slope - c.swelling_slope, LEAST_PLASTIC_SLOPE * slope)
         p_s = inflection_pressure(c.compression_intercept, c.low_pressure_intercept, slope)
         nu, chi = c.poisson_ratio, c.critical_spacing
         return {
+            "sixth": 1.0 / (6.0 * c.critical_ratio),
+            "stretch": (1.0 + chi) / (6.0 * c.critical_ratio) ** 2,
+            "triple": 1.0 + 3.0 * chi,
+            "steepest": 0.999999 / chi.clamp(min=1e-9),
+            "power": 2.0 * c.dilatancy * plastic,
             "plastic": plastic,
-            "p_s": p_s,
+            "swelling": c.swelling_slope / plastic,
             "intercept": intercept_in_pascal(c.low_pressure_intercept, slope, p_s),
+            "p_s": p_s,
             "shear": 3.0 * (1.0 - 2.0 * nu) / (1.0 + nu),
-            "steepest": torch.where(chi > 1e-9, (1.0 - 1e-6) / chi.clamp(min=1e-9), 1e9),
         }
 
     def initial_internals(self, stress: Tensor, conditions: Conditions) -> Sequence[Tensor]:
@@ -202,24 +205,22 @@ class CSUH(ClassicalCell):
         first = self._first_size(through, loosest - e0, c).expand_as(p)
         return [row.unsqueeze(0) for row in (torch.zeros_like(p), e0, first, e0)]
 
-    def _through(self, stress: Tensor, c: SimpleNamespace) -> tuple[Tensor, Tensor]:
+    def _through(self, stress: Tensor, c: Constants) -> tuple[Tensor, Tensor]:
         """P, and A p, the size of the yield surface through the stress, Pa."""
         p, s = self.rows.split(stress)
         plane = deviator_plane(self.rows, s, s, lode=self.lode_dependent)
-        zero = torch.zeros_like(p)
-        q2 = plane.square(1.0, zero)
-        sin3 = plane.lode_sin3(1.0, zero, q2) if self.lode_dependent else 1.0
-        critical2 = critical_ratio(c.critical_ratio, sin3) ** 2
-        ratio = q2 / (p * p)
-        if (bad := ratio >= c.steepest * critical2).any():
+        cubic = plane.cubic_0 if self.lode_dependent else None
+        y = stress_ratio(p, plane.square_0, cubic, c).y
+        if (bad := y >= c.steepest).any():
             point = int(bad.nonzero()[0])
+            ratio = (plane.square_0[point].sqrt() / p[point]).item()
             raise ModelError(
-                f"{self.name}: point {point} starts at q/p = {ratio[point].sqrt().item():.3g}, "
-                "which no yield surface of this material reaches; start from a lower q/p"
+                f"{self.name}: point {point} starts at q/p = {ratio:.3g}, which no yield surface "
+                "of this material reaches; start from a lower q/p"
             )
-        return p, p * surface_factor(ratio, critical2, c.critical_spacing)
+        return p, (1.0 + y) / (1.0 - c.critical_spacing * y) * p
 
-    def _overconsolidation(self, conditions: Conditions, c: SimpleNamespace) -> Tensor:
+    def _overconsolidation(self, conditions: Conditions, c: Constants) -> Tensor:
         known = conditions.scalars
         if "overconsolidation_ratio" not in known:
             return c.overconsolidation_ratio
@@ -242,7 +243,7 @@ class CSUH(ClassicalCell):
                 f"{loosest[point].item():.4f}; give a lower initial_void_ratio"
             )
 
-    def _first_size(self, through: Tensor, density: Tensor, c: SimpleNamespace) -> Tensor:
+    def _first_size(self, through: Tensor, density: Tensor, c: Constants) -> Tensor:
         """p_x0, Pa: the stress lies on the first yield surface, however dense the material."""
         return through
 
@@ -251,17 +252,20 @@ class CSUH(ClassicalCell):
         c = self.constants()
         volume = 1.0 + state[-1]
         material = Material(
-            critical=c.critical_ratio,
+            sixth=c.sixth,
             spacing=c.critical_spacing,
-            dilatancy=c.dilatancy,
-            kappa=c.swelling_slope,
+            stretch=c.stretch,
+            triple=c.triple,
+            steepest=c.steepest,
+            power=c.power,
             plastic=c.plastic,
+            swelling=c.swelling,
             intercept=c.intercept,
             p_s=c.p_s,
             shear=c.shear,
             volume=volume,
-            hardening_scale=c.plastic / volume,
+            stiffness=volume / c.swelling_slope,
+            plasticity=volume / c.plastic,
             first_size=state[-2] + c.p_s,
-            steepest=c.steepest,
         )
         return substepped(self._increment.advance, dstrain, state, material, self.substepping)

@@ -84,7 +84,7 @@ def intercept_in_pascal(low_intercept: Tensor, slope: Tensor, p_s: Tensor) -> Te
 
 
 def failure_ratio(critical: Tensor, overconsolidation: Tensor) -> Tensor:
-    """M_f = 6/(1 + sqrt(1 + 12 (3 - M) R/M^2)) (Eq 7.28, rewritten), with R = exp(-xi/(lambda - kappa)).
+    """M_f = 6/(1 + sqrt(1 + 12 (3 - M) R/M^2)) (Eq 7.28), with R = exp(-xi/(lambda - kappa)).
 
     M_f = M where R = 1, above M in a dense state, below 3 always.
     """
@@ -105,5 +105,5 @@ def critical_void_ratio(
 
 
 def low_pressure_intercept(intercept: float, loosest: float, slope: float) -> float:
-    """Z where a source gives e_c0, the critical void ratio at p = 0: p_s = exp((N - e_c0)/lambda)."""
+    """Z where a source gives e_c0, critical void ratio at p = 0: p_s = exp((N - e_c0)/lambda)."""
     return intercept - slope * math.log1p(math.exp((intercept - loosest) / slope))

@@ -18,7 +18,6 @@ flow from the cone has used the deviator up, the rest is dilation.
 
 import math
 from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import ClassVar
 
 import torch
@@ -26,7 +25,7 @@ from torch import Tensor
 
 from granbench.models.classical import ClassicalCell
 from granbench.models.components import outer
-from granbench.models.parameters import Parameter
+from granbench.models.parameters import Constants, Parameter
 from granbench.models.return_mapping import elastic_constants, elastic_trial, exceeds
 
 STEEPEST = 3.0
@@ -43,6 +42,7 @@ class DruckerPrager(ClassicalCell):
     title = "Drucker-Prager, perfectly plastic"
     dimension = 2
     pressure_dependent = True
+    holds_without_stress = True
     parameter_table = (
         Parameter("bulk_modulus", "K", "Pa", "bulk modulus"),
         Parameter("shear_modulus", "G", "Pa", "shear modulus"),
@@ -61,7 +61,7 @@ class DruckerPrager(ClassicalCell):
         },
     }
 
-    def derived(self, c: SimpleNamespace) -> dict[str, Tensor]:
+    def derived(self, c: Constants) -> dict[str, Tensor]:
         """See `ClassicalCell.derived`; `dp_df` is K M_d / (2 k G + K M M_d), dp/df of the return.
 
         It is NaN where the flow would be so contractive that f grows with it.
@@ -78,7 +78,7 @@ class DruckerPrager(ClassicalCell):
         """See `ClassicalCell.update`."""
         return self._return(self.constants(), dstrain, state)[0]
 
-    def _return(self, c: SimpleNamespace, dstrain: Tensor, state: Tensor) -> tuple[Tensor, ...]:
+    def _return(self, c: Constants, dstrain: Tensor, state: Tensor) -> tuple[Tensor, ...]:
         """Stress after the return, s_trial, where it yields, and p and q/q_trial there."""
         rows = self.rows
         trial = elastic_trial(rows, state, dstrain, c)

@@ -29,7 +29,6 @@ gave, so that the stiffness is followed to second order.
 """
 
 from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import ClassVar
 
 import torch
@@ -37,7 +36,7 @@ from torch import Tensor
 
 from granbench.models.classical import ClassicalCell
 from granbench.models.components import safe_root
-from granbench.models.parameters import Parameter
+from granbench.models.parameters import Constants, Parameter
 from granbench.models.return_mapping import (
     consistent_root,
     elastic_constants,
@@ -47,6 +46,9 @@ from granbench.models.return_mapping import (
 
 STEEPEST = 3.0
 """Slope beyond which no stress in triaxial compression, where q < 3 p, could yield."""
+
+LEAST_SLOPE = 1e-9
+"""Of C_p; below, the surface is a cylinder, and nothing reaches its apex."""
 
 TINY = 1e-30
 """Pa; it gives a cylinder, C_p = 0, no flow along the axis instead of 0/0."""
@@ -105,7 +107,7 @@ class EnhancedIME(ClassicalCell):
         },
     }
 
-    def derived(self, c: SimpleNamespace) -> dict[str, Tensor]:
+    def derived(self, c: Constants) -> dict[str, Tensor]:
         """See `ClassicalCell.derived`; moduli per Pa of Young's modulus, and C_g = C_d + C_p."""
         return {
             "bulk_share": 1.0 / (3.0 - 6.0 * c.poisson_ratio),
@@ -123,16 +125,16 @@ class EnhancedIME(ClassicalCell):
         after, _ = self._return(c, self._elastic(c, middle), dstrain, state, mu)
         return after
 
-    def _elastic(self, c: SimpleNamespace, compaction: Tensor) -> SimpleNamespace:
+    def _elastic(self, c: Constants, compaction: Tensor) -> Constants:
         """Constants of Hooke's law (point,) at a plastic volumetric strain (point,), Eq 7.16."""
         young = c.young_modulus * torch.pow(1.0 + compaction, c.stiffness_exponent)
         moduli = elastic_constants(c.bulk_share * young, c.shear_share * young, 3)
-        return SimpleNamespace(**moduli)
+        return Constants(**moduli)
 
     def _return(
         self,
-        c: SimpleNamespace,
-        elastic: SimpleNamespace,
+        c: Constants,
+        elastic: Constants,
         dstrain: Tensor,
         state: Tensor,
         start: Tensor,
@@ -175,7 +177,8 @@ class EnhancedIME(ClassicalCell):
         # Past the deviator, p alone brings r down to -H - sigma_0.
         left = (c.pressure_slope * (p - elastic.bulk * c.potential_slope * used_up)).clamp(min=0.0)
         along_axis = left / (elastic.bulk * c.pressure_slope**2 + TINY)
-        mu = consistent_root(residual, yielding, start, used_up + along_axis)
+        scale = (q + strength) / stiffness
+        mu = consistent_root(residual, yielding, start, used_up + along_axis, scale)
 
         t, volume = swept(mu)
         flowed = torch.addcmul(plastic_strain, direction, t)
@@ -184,7 +187,7 @@ class EnhancedIME(ClassicalCell):
         compaction, sheared = self._compaction_and_shear(flowed)
         shear = safe_root(rows.contraction(sheared, sheared) / 1.5)
         strength = self._strength(c, shear, compaction)[0]
-        slope = torch.where(c.pressure_slope == 0.0, 1.0, c.pressure_slope)
+        slope = torch.where(c.pressure_slope.abs() < LEAST_SLOPE, 1.0, c.pressure_slope)
         p = torch.where(mu > used_up, strength / slope, p - elastic.bulk * volume)
         ratio = (strength - c.pressure_slope * p).clamp(min=0.0) / q
         stress = torch.where(yielding, rows.joined(p, s, ratio), trial)
@@ -197,7 +200,7 @@ class EnhancedIME(ClassicalCell):
         return 3.0 * third, sheared
 
     def _strength(
-        self, c: SimpleNamespace, shear: Tensor, compaction: Tensor
+        self, c: Constants, shear: Tensor, compaction: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
         """H + sigma_0 and its derivatives by eps_s^p and eps_v^p, Pa (Eq 7.18)."""
         sheared = c.shear_hardening_strain + shear

@@ -19,7 +19,6 @@ positive at x = 0 and negative at x = |s_trial|/2G, where it would take the whol
 """
 
 import abc
-from types import SimpleNamespace
 from typing import NamedTuple
 
 import torch
@@ -27,6 +26,7 @@ from torch import Tensor
 
 from granbench.models.classical import ClassicalCell
 from granbench.models.components import outer, safe_root
+from granbench.models.parameters import Constants
 from granbench.models.return_mapping import consistent_root, elastic_trial, exceeds
 
 
@@ -55,14 +55,14 @@ class HardeningCell(ClassicalCell):
     internal_tensors = ("plastic_strain",)
 
     @abc.abstractmethod
-    def strength(self, c: SimpleNamespace, norm: Tensor) -> tuple[Tensor, Tensor]:
+    def strength(self, c: Constants, norm: Tensor) -> tuple[Tensor, Tensor]:
         """Yield stress Y at a norm of the plastic strain (point,), and its slope Y', Pa."""
 
     def update(self, dstrain: Tensor, state: Tensor) -> Tensor:
         """See `ClassicalCell.update`."""
         return self._return(self.constants(), dstrain, state).after
 
-    def _return(self, c: SimpleNamespace, dstrain: Tensor, state: Tensor) -> Return:
+    def _return(self, c: Constants, dstrain: Tensor, state: Tensor) -> Return:
         rows = self.rows
         stress, plastic_strain = state[: rows.count], state[rows.count :]
         trial = elastic_trial(rows, stress, dstrain, c)
@@ -85,7 +85,8 @@ class HardeningCell(ClassicalCell):
         strength, slope = self.strength(c, norm)
         yielding = exceeds(q, strength, strength)
         first = (q - strength) / (stiffness + slope * (along / norm))
-        x = consistent_root(residual, yielding, first, q / stiffness)
+        elastic = q / stiffness
+        x = consistent_root(residual, yielding, first, elastic, elastic)
 
         flowed = torch.addcmul(plastic_strain, direction, x)
         strength, _ = self.strength(c, safe_root(rows.contraction(flowed, flowed)))

@@ -10,14 +10,13 @@ differ in sigma_0 only; both are parameter sets.
 """
 
 from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import ClassVar
 
 import torch
 from torch import Tensor
 
 from granbench.models.hardening import HardeningCell
-from granbench.models.parameters import Parameter
+from granbench.models.parameters import Constants, Parameter
 from granbench.models.return_mapping import elastic_constants
 
 _SECTION_5_2_1 = {
@@ -48,13 +47,13 @@ class IME(HardeningCell):
         "guan2023-tab7.1": {**_SECTION_5_2_1, "yield_stress": 0.1e6},
     }
 
-    def derived(self, c: SimpleNamespace) -> dict[str, Tensor]:
+    def derived(self, c: Constants) -> dict[str, Tensor]:
         """See `ClassicalCell.derived`."""
         bulk = c.young_modulus / (3.0 - 6.0 * c.poisson_ratio)
         shear = c.young_modulus / (2.0 + 2.0 * c.poisson_ratio)
         return elastic_constants(bulk, shear, self.rows.dimension)
 
-    def strength(self, c: SimpleNamespace, norm: Tensor) -> tuple[Tensor, Tensor]:
+    def strength(self, c: Constants, norm: Tensor) -> tuple[Tensor, Tensor]:
         """See `HardeningCell.strength`."""
         hardened = norm + c.hardening_strain
         hardening = c.hardening_modulus * torch.pow(hardened, c.hardening_exponent)

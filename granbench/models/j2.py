@@ -10,7 +10,6 @@ p = tr/3 and q = sqrt(3/2 s:s).
 """
 
 from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import ClassVar
 
 import torch
@@ -18,7 +17,7 @@ from torch import Tensor
 
 from granbench.models.classical import ClassicalCell
 from granbench.models.components import outer
-from granbench.models.parameters import Parameter
+from granbench.models.parameters import Constants, Parameter
 from granbench.models.return_mapping import elastic_constants, elastic_trial, exceeds
 
 
@@ -42,7 +41,7 @@ class J2(ClassicalCell):
         },
     }
 
-    def derived(self, c: SimpleNamespace) -> dict[str, Tensor]:
+    def derived(self, c: Constants) -> dict[str, Tensor]:
         """See `ClassicalCell.derived`."""
         elastic = elastic_constants(c.bulk_modulus, c.shear_modulus, self.rows.dimension)
         return {**elastic, "square_limit": c.yield_stress * c.yield_stress}
@@ -51,7 +50,7 @@ class J2(ClassicalCell):
         """See `ClassicalCell.update`."""
         return self._return(self.constants(), dstrain, state)[0]
 
-    def _return(self, c: SimpleNamespace, dstrain: Tensor, state: Tensor) -> tuple[Tensor, ...]:
+    def _return(self, c: Constants, dstrain: Tensor, state: Tensor) -> tuple[Tensor, ...]:
         """Stress after the return, s_trial, where it yields, and sigma_Y/q_trial there."""
         rows = self.rows
         trial = elastic_trial(rows, state, dstrain, c)

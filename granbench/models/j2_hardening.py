@@ -8,14 +8,13 @@ with 3-D components p = tr/3 and q = sqrt(3/2 s:s). The first yield stress is A 
 """
 
 from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import ClassVar
 
 import torch
 from torch import Tensor
 
 from granbench.models.hardening import HardeningCell
-from granbench.models.parameters import Parameter
+from granbench.models.parameters import Constants, Parameter
 from granbench.models.return_mapping import elastic_constants
 
 
@@ -43,11 +42,11 @@ class J2Hardening(HardeningCell):
         },
     }
 
-    def derived(self, c: SimpleNamespace) -> dict[str, Tensor]:
+    def derived(self, c: Constants) -> dict[str, Tensor]:
         """See `ClassicalCell.derived`."""
         return elastic_constants(c.bulk_modulus, c.shear_modulus, self.rows.dimension)
 
-    def strength(self, c: SimpleNamespace, norm: Tensor) -> tuple[Tensor, Tensor]:
+    def strength(self, c: Constants, norm: Tensor) -> tuple[Tensor, Tensor]:
         """See `HardeningCell.strength`."""
         hardened = norm + c.hardening_strain
         strength = c.hardening_modulus * torch.pow(hardened, c.hardening_exponent)

@@ -1,8 +1,8 @@
-"""Invariants of deviators in the plane of two given ones, s = a s_0 + b d.
+"""Invariants of the deviators a s_0 + b d in a plane, in every component order.
 
 Along a straight strain increment the deviatoric stress of an isotropic, coaxial model stays in the
-plane of the first deviator s_0 and of the strain's deviator d. Its invariants are then polynomials
-of a and b with coefficients that are computed once, in every component order alike.
+plane of the first deviator s_0 and of the strain's deviator d. Its invariants are polynomials of a
+and b with coefficients that are computed once.
 """
 
 from typing import NamedTuple
@@ -12,15 +12,18 @@ from torch import Tensor
 
 from granbench.models.components import TensorRows, safe_root
 
+ISOTROPIC = 1e-3
+"""Pa; a lesser q is the rounding of an isotropic stress and has no Lode angle."""
+
 
 class DeviatorPlane(NamedTuple):
-    """Coefficients (point,) of the invariants of s = a s_0 + b d.
+    """Coefficients (point,) of the invariants of a s_0 + b d.
 
     Parameters
     ----------
     square_0, square_1, square_2 : of q^2 = 3/2 s:s in a^2, a b and b^2
-    cubic_0, ... cubic_3 : of 27/2 det(s) in a^3, a^2 b, a b^2 and b^3; empty where the Lode angle
-        was not asked for
+    cubic_0, ... cubic_3 : of q^3 sin(3 theta) = 27/2 det(s) in a^3, a^2 b, a b^2 and b^3; empty
+        where the Lode angle was not asked for
     """
 
     square_0: Tensor
@@ -31,41 +34,55 @@ class DeviatorPlane(NamedTuple):
     cubic_2: Tensor
     cubic_3: Tensor
 
-    def square(self, a: Tensor | float, b: Tensor) -> Tensor:
+    def square(self, a: Tensor, b: Tensor) -> Tensor:
         """q^2."""
-        return a * (a * self.square_0 + b * self.square_1) + b * b * self.square_2
+        first = a * torch.addcmul(a * self.square_0, b, self.square_1)
+        return torch.addcmul(first, b * b, self.square_2)
 
-    def square_rate(self, a: Tensor | float, b: Tensor) -> Tensor:
+    def square_slope(self, a: Tensor, b: Tensor) -> Tensor:
         """d(q^2)/db, which is 3 s:d."""
-        return a * self.square_1 + 2.0 * b * self.square_2
+        return torch.addcmul(a * self.square_1, b, self.square_2, value=2.0)
 
-    def cubic(self, a: Tensor | float, b: Tensor) -> Tensor:
-        """27/2 det(s), which is q^3 sin(3 theta)."""
-        first = a * a * (a * self.cubic_0 + b * self.cubic_1)
-        return first + b * b * (a * self.cubic_2 + b * self.cubic_3)
+    def cubic(self, a: Tensor, b: Tensor) -> Tensor:
+        """q^3 sin(3 theta)."""
+        first = a * a * torch.addcmul(a * self.cubic_0, b, self.cubic_1)
+        return torch.addcmul(first, b * b, torch.addcmul(a * self.cubic_2, b, self.cubic_3))
 
-    def cubic_rate(self, a: Tensor | float, b: Tensor) -> Tensor:
-        """d(27/2 det(s))/db."""
-        return a * (a * self.cubic_1 + 2.0 * b * self.cubic_2) + 3.0 * b * b * self.cubic_3
+    def cubic_slope(self, a: Tensor, b: Tensor) -> Tensor:
+        """d(q^3 sin(3 theta))/db."""
+        first = a * torch.addcmul(a * self.cubic_1, b, self.cubic_2, value=2.0)
+        return torch.addcmul(first, b * b, self.cubic_3, value=3.0)
 
-    def lode_sin3(self, a: Tensor | float, b: Tensor, square: Tensor) -> Tensor:
-        """sin(3 theta) where q^2 is `square`: +1 in triaxial compression, and at q = 0."""
-        isotropic = square <= torch.finfo(square.dtype).tiny ** 0.5
-        q = safe_root(square)
-        return torch.where(isotropic, 1.0, self.cubic(a, b) / (q * q * q))
+    def unscaled(self, b: Tensor) -> tuple[Tensor, Tensor]:
+        """`square` and `cubic` at a = 1."""
+        square = torch.addcmul(self.square_1, b, self.square_2)
+        cubic = torch.addcmul(self.cubic_2, b, self.cubic_3)
+        cubic = torch.addcmul(self.cubic_1, b, cubic)
+        return torch.addcmul(self.square_0, b, square), torch.addcmul(self.cubic_0, b, cubic)
 
     def taken(self, points: Tensor) -> "DeviatorPlane":
         """The same of some points."""
         return DeviatorPlane(*(value[points] for value in self))
 
 
-def deviator_plane(rows: TensorRows, start: Tensor, direction: Tensor, *, lode: bool) -> DeviatorPlane:
-    """The plane of two deviators (component, point).
+def lode_sin3(square: Tensor, cubic: Tensor) -> tuple[Tensor, Tensor]:
+    """Sin(3 theta) from q^2 and q^3 sin(3 theta), and q, never zero.
+
+    +1 in triaxial compression and, by convention, at an isotropic stress.
+    """
+    q = safe_root(square)
+    return (cubic + ISOTROPIC**3) / (square * q).clamp(min=ISOTROPIC**3), q
+
+
+def deviator_plane(
+    rows: TensorRows, start: Tensor, direction: Tensor, *, lode: bool
+) -> DeviatorPlane:
+    """The plane of two deviators.
 
     Parameters
     ----------
     rows : their component order, of a three-dimensional model
-    start, direction : s_0 and d
+    start, direction : s_0 and d, (component, point)
     lode : whether third invariants are wanted
     """
     squares = (

@@ -1,4 +1,4 @@
-r"""`modified-cam-clay`: CSUH at chi = 0, p_s = 0 and M_f = M_c = M, the clay model that it grew from.
+r"""`modified-cam-clay`: CSUH at chi = 0, p_s = 0 and M_f = M_c = M, the model it grew from.
 
     yield      q^2 = M^2 p (p_c - p)
     flow       associated
@@ -16,14 +16,13 @@ Roscoe & Burland (1968), On the generalised stress-strain behaviour of wet clay.
 """
 
 from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import ClassVar
 
 import torch
 from torch import Tensor
 
-from granbench.cell import Conditions
 from granbench.models.csuh import CSUH
+from granbench.models.parameters import Constants
 
 _SHARED = (
     "critical_ratio",
@@ -50,13 +49,13 @@ class ModifiedCamClay(CSUH):
         },
     }
 
-    def derived(self, c: SimpleNamespace) -> dict[str, Tensor]:
+    def derived(self, c: Constants) -> dict[str, Tensor]:
         """See `ClassicalCell.derived`; with the parameters of CSUH that this limit fixes."""
         c.low_pressure_intercept = c.compression_intercept
         c.critical_spacing = c.dilatancy = torch.zeros_like(c.critical_ratio)
         c.overconsolidation_ratio = torch.ones_like(c.critical_ratio)
         return super().derived(c)
 
-    def _first_size(self, through: Tensor, density: Tensor, c: SimpleNamespace) -> Tensor:
+    def _first_size(self, through: Tensor, density: Tensor, c: Constants) -> Tensor:
         """p_c, Pa, on whose surface the void ratio would be the loosest; `density` is e_eta - e."""
         return through * torch.exp(density.clamp(min=0.0) / c.plastic)

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -78,3 +79,17 @@ class Parameter:
         start = math.log(share / (1.0 - share))
         moved = torch.sigmoid(start + free) - torch.sigmoid(start + torch.zeros_like(free))
         return reference + (self.upper - self.lower) * moved
+
+
+class Constants:
+    """A model's parameters and what follows from them, by name: tensors () or (point,)."""
+
+    # A SimpleNamespace would be the same, but torch.compile cannot follow it.
+    def __init__(self, **values: Tensor) -> None:
+        vars(self).update(values)
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Tensor: ...
+
+        def __setattr__(self, name: str, value: Tensor) -> None: ...

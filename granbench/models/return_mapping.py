@@ -4,12 +4,12 @@ Units and signs are those of the models: Pa, compression positive, rows (compone
 """
 
 from collections.abc import Callable
-from types import SimpleNamespace
 
 import torch
 from torch import Tensor
 
 from granbench.models.components import TensorRows
+from granbench.models.parameters import Constants
 
 ROUNDINGS = 512.0
 """Unit roundings by which f may exceed zero before a point yields. A stress that was put on the
@@ -20,7 +20,8 @@ SAFE_ITERATIONS = 100
 """Bisection alone needs some 50 to reach the rounding of the bracket."""
 
 LAST_STEP = 1e-6
-"""Newton step, relative to the bracket, after which none follows: the next would be its square."""
+"""Newton step, relative to the scale of x, after which none follows: the next would be of the
+size of its square."""
 
 Residual = Callable[[Tensor], tuple[Tensor, Tensor]]
 """Value and slope of a residual at x (point,)."""
@@ -32,7 +33,7 @@ def elastic_constants(bulk: Tensor, shear: Tensor, dimension: int) -> dict[str, 
     return {"bulk": bulk, "twice_shear": twice_shear, "lame": bulk - twice_shear / dimension}
 
 
-def elastic_trial(rows: TensorRows, stress: Tensor, dstrain: Tensor, c: SimpleNamespace) -> Tensor:
+def elastic_trial(rows: TensorRows, stress: Tensor, dstrain: Tensor, c: Constants) -> Tensor:
     """Stress (component, point) if the strain increment were elastic; exact where it is zero.
 
     Parameters
@@ -49,7 +50,9 @@ def exceeds(value: Tensor, limit: Tensor, scale: Tensor) -> Tensor:
     return value - limit > scale * (ROUNDINGS * torch.finfo(value.dtype).eps)
 
 
-def consistent_root(residual: Residual, sought: Tensor, start: Tensor, upper: Tensor) -> Tensor:
+def consistent_root(
+    residual: Residual, sought: Tensor, start: Tensor, upper: Tensor, scale: Tensor
+) -> Tensor:
     """Root x in [0, upper] of a consistency equation, point by point.
 
     Newton's method without gradients; where it does not arrive in a few iterations, Newton's
@@ -62,33 +65,36 @@ def consistent_root(residual: Residual, sought: Tensor, start: Tensor, upper: Te
     sought : (point,), whether a root is sought; elsewhere x is zero
     start : (point,), first x; it may lie outside
     upper : (point,)
+    scale : (point,), above zero, against which a step is small
 
     Returns
     -------
     (point,), NaN where no root was found
     """
     with torch.no_grad():
-        x = _newton(residual, sought, start.detach(), upper.detach())
+        x = _newton(residual, sought, start.detach(), upper.detach(), scale.detach())
     if torch.is_grad_enabled():
         r, slope = residual(x)
         x = x - (r - r.detach()) / slope.detach()  # the value of x, to the last bit
     return torch.where(sought, x, 0.0)
 
 
-def _newton(residual: Residual, sought: Tensor, start: Tensor, upper: Tensor) -> Tensor:
+def _newton(
+    residual: Residual, sought: Tensor, start: Tensor, upper: Tensor, scale: Tensor
+) -> Tensor:
     x = torch.minimum(start.clamp(min=0.0), upper)
     for _ in range(PLAIN_ITERATIONS):
         r, slope = residual(x)
         closer = torch.minimum((x - r / slope).clamp(min=0.0), upper)
-        change = ((closer - x) / upper).abs().amax()
+        change = ((closer - x) / scale).abs().amax()
         x = closer
         # Where nothing is sought r < 0: x stays zero.
         if change <= LAST_STEP:
             return x
-    return _safeguarded(residual, sought, upper)
+    return _safeguarded(residual, sought, upper, scale)
 
 
-def _safeguarded(residual: Residual, sought: Tensor, upper: Tensor) -> Tensor:
+def _safeguarded(residual: Residual, sought: Tensor, upper: Tensor, scale: Tensor) -> Tensor:
     x = low = torch.zeros_like(upper)
     high = upper
     for _ in range(SAFE_ITERATIONS):
@@ -97,7 +103,7 @@ def _safeguarded(residual: Residual, sought: Tensor, upper: Tensor) -> Tensor:
         newton = x - r / slope
         inside = (newton >= low) & (newton <= high)
         closer = torch.where(inside, newton, 0.5 * (low + high))
-        unsolved = sought & ((closer - x).abs() > LAST_STEP * upper)
+        unsolved = sought & ((closer - x).abs() > LAST_STEP * scale)
         x = torch.where(sought, closer, 0.0)
         if not unsolved.any():
             return x

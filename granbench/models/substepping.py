@@ -57,7 +57,7 @@ class Substepping:
     smallest : piece that is never gone below, as a share of the increment
     """
 
-    tolerance: float = 1e-4
+    tolerance: float = 3e-4
     most: int = 2000
     smallest: float = 1e-10
 

@@ -2,6 +2,7 @@
 
 import json
 
+import netCDF4
 import pytest
 
 from granbench.cli import main
@@ -151,3 +152,16 @@ def test_maintainers_register_a_file_and_its_mini_tier(granbench, shelf, records
     assert_one_sentence(
         granbench("data", "register", records_file, *words, "--tier", "huge"), "tier"
     )
+
+
+def test_a_file_that_differs_from_its_hash_is_neither_described_nor_drawn(
+    granbench, records_file, tmp_path
+):
+    changed = tmp_path / "changed.nc"
+    changed.write_bytes(records_file.read_bytes())
+    with netCDF4.Dataset(changed, "a") as file:
+        file["void_ratio"][3, 5] += 0.01
+    picture = tmp_path / "picture.png"
+    assert_one_sentence(granbench("data", "info", changed), "changed.nc", "void_ratio")
+    assert_one_sentence(granbench("data", "plot", changed, "--out", picture), "void_ratio")
+    assert not picture.exists()

@@ -173,6 +173,30 @@ def test_a_baseline_is_told_what_it_needs_at_its_start(drive, tmp_path):
             "makes no use of it")  # fmt: skip
 
 
+def test_parameters_come_from_a_file_or_a_set(drive, tmp_path):
+    values = {"bulk_modulus": 2e6, "shear_modulus": 1e6, "yield_stress": 5e4}
+    (tmp_path / "mine.json").write_text(json.dumps({"model": "j2", "parameters": values}))
+    test = ("--control", "oedometer", "--steps", "4", "--json", "--out", "out.csv")
+    for model in (("j2", "--params", "mine.json"), ("mine.json",)):
+        code, out, err = drive(*model, *test)
+        assert code == 0, err
+        assert json.loads(out)["parameters"] == values
+        # In the plane q = s1 - s2 = sigma_Y.
+        assert json.loads(out)["deviatoric_stress"] == [pytest.approx(5e4, rel=1e-9)]
+    assert drive("j2", "--set", "guan2023-sec6.6", *test)[0] == 0
+    refused(drive("ime", "--params", "mine.json", *test), "mine.json", "'j2', not of 'ime'")
+    (tmp_path / "mine.json").write_text('{"model": "j2", "parameters": {"stiffness": 1}}')
+    refused(drive("mine.json", *test), "mine.json", "'stiffness'")
+
+
+def test_internal_variables_are_in_the_answer(drive, tmp_path):
+    assert drive("ime", "--control", "biaxial", "--order", "plane", "--strain", "0.05", "--steps",
+                 "8", "--out", "out.csv", "--plot", "ime.svg")[0] == 0  # fmt: skip
+    found = columns("out.csv")
+    assert "out_of_plane_stress" in found
+    assert found["plastic_strain_yy"][-1] > 0.0 > found["plastic_strain_xx"][-1]
+
+
 def test_what_a_user_can_get_wrong_is_said_in_one_sentence(drive, tmp_path):
     (tmp_path / "path.csv").write_text(PLANE)
     (tmp_path / "nan.csv").write_text(PLANE + "0.02,nan,0\n")
@@ -214,6 +238,8 @@ def test_what_a_user_can_get_wrong_is_said_in_one_sentence(drive, tmp_path):
         (("my_cells:hooke", "--path", "principal.csv"), ["principal.csv", "eps_xx,eps_yy,eps_zz"]),
         (("my_cells:timid", *test, "--p0", "0"), ["--p0 0"]),
         (("j2", *test, "--plot", "a.bmp"), ["a.bmp"]),
+        (("j2", *test, "--tolerance", "0"), ["tolerance of 0", "1e-4"]),
+        (("csx", *test, "--set", "mine"), ["unknown model 'csx'"]),
     ]
     for words, parts in cases:
         refused(drive(*words, "--out", "out.csv"), *parts)

@@ -91,6 +91,7 @@ def test_card_shows_the_figures_of_the_plane(records, tmp_path) -> None:
     assert len(addresses) == len(PLANE_FIGURES)
     assert all((tmp_path / address).read_bytes().startswith(b"\x89PNG") for address in addresses)
     assert "left out" not in text
+    assert "Tests by family and pressure" not in text
     assert "packing" not in text.split("## Variables")[0]
     rows = [line for line in text.split("## Strain paths")[1].splitlines() if line.startswith("| ")]
     assert [row.split("|")[1].strip() for row in rows[2:10]] == list(split_names(records))

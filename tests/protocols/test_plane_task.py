@@ -1,6 +1,7 @@
 """A task in the plane: floors, ceiling and the ground truth itself."""
 
 import json
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
@@ -11,20 +12,21 @@ from plane_records import plane_records
 from granbench.baselines.linear_elastic import fitted_moduli
 from granbench.candidate import find_candidate
 from granbench.cell import Conditions, MaterialCell
+from granbench.data.adapters import conditions_of
 from granbench.data.normalisation import Normalisation
 from granbench.generators.classical.design import GROUND_TRUTHS
 from granbench.models import find_model
-from granbench.predictions import PROTOCOLS, evaluated
+from granbench.predictions import AXES, PROTOCOLS, evaluated
 from granbench.protocols import predict
 from granbench.scoring import Scorecard, score
 
 
-def card(cell: MaterialCell, records: xr.Dataset) -> Scorecard:
+def card(cell: MaterialCell, records: xr.Dataset, axes: Iterable[str] = AXES) -> Scorecard:
     scored = evaluated(records)
-    return score(predict({0: cell}, scored), scored, Normalisation.from_training(records))
+    return score(predict({0: cell}, scored, axes), scored, Normalisation.from_training(records))
 
 
-def values(card: Scorecard, metric: str = "stress_mse_mean") -> dict[str, float]:
+def values(card: Scorecard, metric: str = "stress_mse_mean") -> dict[str, float | None]:
     """Of the test split, by protocol."""
     return {name: card.find(name, "test", metric).value for name in PROTOCOLS}
 
@@ -39,7 +41,7 @@ def test_oracle_scores_exactly_zero_on_every_axis(name: str) -> None:
 
 @pytest.mark.parametrize("name", GROUND_TRUTHS)
 def test_the_ground_truth_repeats_its_own_paths(name: str) -> None:
-    """Without noise, from the start and from any recorded state.
+    """From the start and from any recorded state.
 
     A state in single precision is off by 6e-8; predictions and truth, rounded to 15 bits, then
     differ by 3e-5 at two steps in a thousand: some 1e-12 in a squared error. In another batch
@@ -47,13 +49,17 @@ def test_the_ground_truth_repeats_its_own_paths(name: str) -> None:
     """
     records = plane_records(name)
     truth = json.loads(records.attrs["ground_truth"])
-    result = card(find_model(truth["model"])(truth["parameters"]), records)
-    scores = values(result)
-    assert scores["rollout"] < 1e-9
-    assert scores["window"] < 1e-9
-    assert scores["single-step"] < 1e-9
-    assert scores["noise-1.0"] > 1e-4  # it follows the noise, as any honest model does
-    assert values(result, "failed_share")["noise-1.0"] == 0.0
+    cell = find_model(truth["model"])(truth["parameters"])
+    axes = ("rollout", "window", "single-step")
+    scores = values(card(cell, records, axes))
+    assert max(scores[axis] for axis in axes) < 1e-9
+
+
+def test_the_ground_truth_follows_the_noise_as_any_model_does() -> None:
+    result = card(find_candidate("j2", plane_records()).cell, plane_records())
+    noised = [values(result)[f"noise-{xi}"] for xi in ("0.2", "0.5", "1.0")]
+    assert 1e-4 < noised[0] < noised[1] < noised[2]
+    assert set(values(result, "failed_share").values()) == {0.0}
 
 
 @pytest.mark.parametrize("floor", ["persistence", "linear-elastic"])
@@ -88,3 +94,18 @@ def test_moduli_of_elastic_paths_are_those_of_the_model() -> None:
     elastic = records.assign(stress=(records["stress"].dims, stress.astype(np.float32)))
     floor = find_candidate("linear-elastic", elastic).cell
     assert values(card(floor, elastic))["rollout"] < 1e-9  # moduli from single precision
+
+
+def test_a_window_may_start_at_the_apex() -> None:
+    """A record that has lost its pressure goes on from there: no stress, until it is compressed."""
+    records = plane_records("gp-dp")
+    unscaled = records.isel(path=records["split"].values == "ood-unscaled")
+    pressure = unscaled["stress"].values[:, :-1, :2].mean(axis=-1)
+    path, step = np.argwhere(pressure == 0.0)[0]
+    start = conditions_of(unscaled.isel(path=[int(path)]), int(step))
+    cell = find_model("drucker-prager")()
+    state = cell.initial_state(start)
+    assert (state[:, cell.layout["stress"]] == 0.0).all()
+    dilation = torch.tensor([[-1e-3, -1e-3, 0.0]], dtype=torch.float64)
+    assert (cell.step(dilation, state)[0] == 0.0).all()
+    assert (cell.step(-dilation, state)[0][:, :2] > 0.0).all()

@@ -167,7 +167,7 @@ def test_what_cannot_be_fitted_is_said() -> None:
         fit(j2(), [test], dataclasses.replace(QUICK, weights=weightless))
     dry = dataclasses.replace(test, stress=test.stress - test.stress[0])
     with pytest.raises(ModelError):
-        fit(find_model("drucker-prager")(order="principal"), [dry], QUICK)
+        fit(find_model("csuh")(order="principal"), [dry], QUICK)
 
 
 @pytest.mark.parametrize(

@@ -77,16 +77,28 @@ def test_stress_is_a_fresh_rollout_of_the_cell(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", GROUND_TRUTHS)
-def test_tangents_predict_the_stress_increments_between_kinks(name: str) -> None:
-    """d sigma = C d eps to first order: in the median over the steps, kinks in the minority.
+def test_tangents_are_slopes_of_the_step_from_the_recorded_state(name: str) -> None:
+    """Against central differences, in the median over the training paths at one step.
 
-    Steps of the smoke preset are five times those of the core, 7e-3 in the median.
+    Tolerance: the state is known in single precision and a model with substeps answers a nudge
+    of 1e-5 with its tolerance; paths at a kink of the response are in the minority.
     """
+    step, size = 17, 1e-5
     ds = plane_records(name).isel(path=slice(0, 24))
-    dstrain, dstress = (np.diff(ds[v].values.astype(float), axis=1) for v in ("strain", "stress"))
-    predicted = np.einsum("psij,psj->psi", ds["tangent"].values[:, 1:].astype(float), dstrain)
-    error = np.linalg.norm(predicted - dstress, axis=-1)
-    assert np.median(error) < 0.1 * np.median(np.linalg.norm(dstress, axis=-1))
+    truth = json.loads(ds.attrs["ground_truth"])
+    cell = find_model(truth["model"])(truth["parameters"])
+    state = cell.initial_state(conditions_of(ds, step - 1))
+    strain = torch.from_numpy(ds["strain"].values.astype(np.float64))
+    increment = strain[:, step] - strain[:, step - 1]
+    columns = []
+    with torch.no_grad():
+        for nudge in size * torch.eye(3, dtype=torch.float64):
+            forward, _ = cell.step(increment + nudge, state)
+            backward, _ = cell.step(increment - nudge, state)
+            columns.append((forward - backward) / (2.0 * size))
+    slopes = torch.stack(columns, dim=-1).numpy()
+    difference = np.linalg.norm(slopes - ds["tangent"].values[:, step], axis=(1, 2))
+    assert np.median(difference / np.linalg.norm(slopes, axis=(1, 2))) < 1e-3
 
 
 def test_paths_start_at_zero_on_the_strain_grid(dataset) -> None:

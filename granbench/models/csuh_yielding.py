@@ -1,0 +1,266 @@
+r"""The plastic part of an increment of CSUH.
+
+Plastic strain d eps^p = L p dg/dsigma is coaxial with the stress. So along a straight strain
+increment s = a s_n + b de, and the equations are integrated in p, a, b and H alone, in whatever
+order the components are. With y = eta^2/M^2, C = M_c^2/M^2 and F = (M_f/M)^4, the gradients,
+
+    df/dp = n/D,   df/dq = 2 (1 + chi) eta/(M^2 D),   n = 1 - (1 + 3 chi) y - chi y^2,
+    D = (1 - chi y)((1 + y) p + (1 - chi y) p_s),
+    p dg/dp = (C - y)/(C + y),   p dg/dq = 2 eta/(M^2 (C + y)),
+
+give, with the hardening dH = L (F - y^2)/(C + y)^2 and L from consistency,
+
+    (df/dp) dp + (df/ds):ds + (df/dM) dM - dH/c_p = 0,
+
+    phi = L/(C + y) = l (C + y)/h,
+    l = n K d eps_v + (1 + chi)/(p M^2) ((7 + 2 z) dq^2/db - 2 d(q^3 z)/db/q)/(7 - z) 2 G,
+    h = (C + y)(n K (C - y) + 12 G (1 + chi) y/M^2) + D (F - y^2)/c_p,
+    dp = K (d eps_v - phi (C - y)),   da = -6 G phi a/(p M^2),   db = 2 G - 6 G phi b/(p M^2).
+ M = 6 M_com/(7 - z) with z = sin(3 theta) (Eq 7.35) is taken as it is
+on the way, with its rate: the flow has no part from the gradient of M, and as plastic strain
+scales s, it leaves z alone, so that dM comes from the elastic part of ds only.
+
+While a point yields f = 0 holds to the last bit, because H is read from it at the end; the
+integrated H serves as a measure of the error.
+"""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from granbench.models.lode import DeviatorPlane, lode_sin3
+from granbench.models.parameters import Constants
+from granbench.models.substepping import EmbeddedStep, runge_kutta
+
+FLOOR = 10.0
+"""Pa; the least mean stress."""
+
+AT_FLOOR = FLOOR * (1.0 + 1e-6)
+"""Pa; what is not above it is at the floor, within rounding."""
+
+NEAR_FLOOR = 4.0
+"""A point that would fall through the floor from less than this many times it, ends there."""
+
+PRESSURE_SCALE = 1e3
+"""Pa; added to p where errors are made relative."""
+
+
+class Material(NamedTuple):
+    """What the equations need of a material and of where its path began; () or (point,) each.
+
+    Parameters
+    ----------
+    sixth : 1/(6 M_com), so that 1/M = sixth (7 - sin(3 theta))
+    spacing : chi
+    triple : 1 + 3 chi
+    stretch : (1 + chi)/(6 M_com)^2
+    steepest : greatest y of the cone that yield surfaces lie in, 1/chi, a little less
+    power : 2 m (lambda - kappa), the power of R in M_c^2/M^2
+    plastic : lambda - kappa
+    swelling : kappa/(lambda - kappa)
+    intercept : of e_eta, see `granbench.models.csuh_formulas.intercept_in_pascal`
+    p_s : Pa
+    shear : 2 G/K
+    volume : 1 + e0
+    stiffness : (1 + e0)/kappa
+    plasticity : 1/c_p = (1 + e0)/(lambda - kappa)
+    first_size : p_x0 + p_s, Pa
+    """
+
+    sixth: Tensor
+    spacing: Tensor
+    triple: Tensor
+    stretch: Tensor
+    steepest: Tensor
+    power: Tensor
+    plastic: Tensor
+    swelling: Tensor
+    intercept: Tensor
+    p_s: Tensor
+    shear: Tensor
+    volume: Tensor
+    stiffness: Tensor
+    plasticity: Tensor
+    first_size: Tensor
+
+
+class Flags(NamedTuple):
+    """Which model of the family it is.
+
+    Parameters
+    ----------
+    lode_dependent : whether M follows Eq 7.35; else it is that of triaxial compression
+    state_dependent : whether M_f and M_c depend on xi; else both are M
+    """
+
+    lode_dependent: bool
+    state_dependent: bool
+
+
+class Ratio(NamedTuple):
+    """What a stress ratio is made of, (point,).
+
+    Parameters
+    ----------
+    y : eta^2/M^2
+    slope : 1/M
+    seven : 7 - sin(3 theta); 6 where M ignores the Lode angle
+    q : Pa, never zero; 1 where M ignores the Lode angle
+    """
+
+    y: Tensor
+    slope: Tensor
+    seven: Tensor | float
+    q: Tensor | float
+
+
+def stress_ratio(p: Tensor, square: Tensor, cubic: Tensor | None, m: Material | Constants) -> Ratio:
+    """The ratio at q^2 = `square`; `cubic` is None where M ignores the Lode angle."""
+    seven: Tensor | float = 6.0
+    q: Tensor | float = 1.0
+    if cubic is not None:
+        sin3, q = lode_sin3(square, cubic)
+        seven = 7.0 - sin3
+    slope = m.sixth * seven
+    relative = slope / p
+    return Ratio(relative * relative * square, slope, seven, q)
+
+
+class Yielding(NamedTuple):
+    """A piece of a strain increment on the yield surface; (point,) each.
+
+    Parameters
+    ----------
+    flags : of the model
+    plane : of s_n and de
+    share : of de that is plastic; zero where there is nothing to do
+    volumetric : volumetric strain
+    density : (e - intercept)/(lambda - kappa) at the beginning
+    compaction : its change, negative under compression
+    material : as of the piece
+    """
+
+    flags: Flags
+    plane: DeviatorPlane
+    share: Tensor
+    volumetric: Tensor
+    density: Tensor
+    compaction: Tensor
+    material: Material
+
+    def ratio(self, p: Tensor, a: Tensor, b: Tensor) -> Ratio:
+        """The stress ratio at a state."""
+        cubic = self.plane.cubic(a, b) if self.flags.lode_dependent else None
+        return stress_ratio(p, self.plane.square(a, b), cubic, self.material)
+
+    def rate(self, time: float, state: Tensor) -> Tensor:
+        """Rates (5, point) of p, a, b, H, and phi, in pseudo-time 0 ... 1; see the module."""
+        m = self.material
+        p, a, b, *_ = state.unbind()
+        y, slope, seven, q = self.ratio(p, a, b)
+        cone, whole = 1.0 - m.spacing * y, p + m.p_s
+        inner = torch.addcmul(torch.addcmul(p, y, p), cone, m.p_s)
+        failure4, characteristic2 = self._limits(time, whole, inner / cone, slope)
+        bulk = whole * m.stiffness
+        shear = bulk * m.shear
+        p_elastic, s_elastic = bulk * self.volumetric, shear * self.share
+        numerator = 1.0 - y * torch.addcmul(m.triple, m.spacing, y)
+        turning = self._turning(a, b, seven, q)
+        loading = torch.addcmul(numerator * p_elastic, turning, s_elastic / p).relu()
+        total, contraction = characteristic2 + y, bulk * (characteristic2 - y)
+        hardening = failure4 - y * y
+        stretch = m.stretch * seven * seven * y
+        elastic = torch.addcmul(numerator * contraction, stretch, shear, value=6.0)
+        modulus = torch.addcmul(total * elastic, cone * inner * m.plasticity, hardening)
+        flow = loading * total / modulus
+        shrinking = -3.0 * flow * shear * (slope * slope) / p
+        return torch.stack(
+            [
+                torch.addcmul(p_elastic, flow, contraction, value=-1.0),
+                shrinking * a,
+                torch.addcmul(s_elastic, shrinking, b),
+                flow * hardening / total,
+                flow,
+            ]
+        )
+
+    def _turning(self, a: Tensor, b: Tensor, seven: Tensor | float, q: Tensor | float) -> Tensor:
+        """(1 + chi)/M^2 ((7 + 2 z) dq^2/db - 2 d(q^3 z)/db/q)/(7 - z)."""
+        stretch, slope = self.material.stretch, self.plane.square_slope(a, b)
+        if not self.flags.lode_dependent:
+            return stretch * 36.0 * slope
+        straight = (21.0 - 2.0 * seven) * slope
+        return stretch * seven * (straight - 2.0 * self.plane.cubic_slope(a, b) / q)
+
+    def _limits(
+        self, time: float, whole: Tensor, surface: Tensor, slope: Tensor
+    ) -> tuple[Tensor | float, Tensor | float]:
+        """(M_f/M)^4 and (M_c/M)^2, of p + p_s, A p + p_s and 1/M."""
+        if not self.flags.state_dependent:
+            return 1.0, 1.0
+        # ln R = (e - e_eta)/(lambda - kappa), with e_eta sorted by its logarithms.
+        density = torch.add(self.density, self.compaction, alpha=time) if time else self.density
+        m = self.material
+        log_r = torch.addcmul(density + torch.log(surface), m.swelling, torch.log(whole))
+        twelve = (36.0 * slope - 12.0) * slope
+        ratio = slope / (1.0 + torch.sqrt(1.0 + twelve * torch.exp(log_r)))
+        square = ratio * ratio
+        return 1296.0 * (square * square), torch.exp(m.power * log_r)
+
+    def advanced(self, begin: Tensor) -> tuple[Tensor, Tensor]:
+        """States (4, point) of p, a, b and H at the end, and the error (point,) of that.
+
+        Parameters
+        ----------
+        begin : (4, point)
+        """
+        m = self.material
+        step = runge_kutta(self.rate, torch.cat([begin, torch.zeros_like(begin[:1])]))
+        p, a, b, hardening, _ = step.end.unbind()
+        y = self.ratio(p, a, b).y
+        cone = 1.0 - m.spacing * y
+        surface = torch.addcmul(m.p_s, (1.0 + y) / cone, p)
+        read = torch.log(surface / m.first_size) / m.plasticity
+        with torch.no_grad():
+            active = self.share > 0.0
+            lowest = torch.stack([p, *(stage[0] for stage in step.stages)]).amin(dim=0)
+            flow = torch.stack([rate[4] for rate in step.rates]).amin(dim=0)
+            # A softening that no strain can follow has a negative flow.
+            possible = (lowest >= 0.999999 * FLOOR) & (cone > 0.0) & (flow >= 0.0)
+            ends = ~possible & active & (begin[0] <= NEAR_FLOOR * FLOOR)
+            error = self._error(step, read)
+            error = torch.where(active, torch.where(possible, error, torch.inf), 0.0)
+        if ends.any():
+            # Once more without them, so that what they ran into touches no gradient.
+            return self._ended(begin, ends)
+        # Where unloading sets in on the way, the surface may stay behind, larger than the stress.
+        hardening = torch.where(flow > 0.0, read, torch.maximum(hardening, read))
+        hardening = torch.where(active, hardening, begin[3])
+        return torch.stack([p, a, b, hardening]), error
+
+    def _ended(self, begin: Tensor, ends: Tensor) -> tuple[Tensor, Tensor]:
+        """`advanced` where some points end at the floor."""
+        share = torch.where(ends, 0.0, self.share)
+        volumetric = torch.where(ends, 0.0, self.volumetric)
+        others = self._replace(share=share, volumetric=volumetric)
+        return others.advanced(floored(begin, ends, self.material))
+
+    def _error(self, step: EmbeddedStep, read: Tensor) -> Tensor:
+        """Error of the stress relative to p, and of H relative to c_p."""
+        p, _, _, hardening, _ = step.end.unbind()
+        of_p, of_a, of_b, of_hardening, _ = step.error.unbind()
+        of_s = self.plane.square(of_a, of_b)
+        drift = torch.maximum(of_hardening.abs(), (hardening - read).abs())
+        relative = drift * self.material.plasticity
+        size = p + PRESSURE_SCALE
+        return ((of_p * of_p + of_s) / (size * size) + relative * relative).sqrt()
+
+
+def floored(state: Tensor, ends: Tensor, m: Material) -> Tensor:
+    """States (4, point) of which some end at the floor, with a surface that holds it."""
+    least = torch.log((FLOOR + m.p_s) / m.first_size) / m.plasticity
+    p = torch.where(ends, FLOOR, state[0])
+    a, b = torch.where(ends, 0.0, state[1]), torch.where(ends, 0.0, state[2])
+    hardening = torch.where(ends, torch.maximum(state[3], least), state[3])
+    return torch.stack([p, a, b, hardening])
