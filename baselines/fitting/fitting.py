@@ -30,6 +30,13 @@ from granbench.errors import ConfigurationError, ModelError
 from granbench.laboratory import LaboratoryTest
 from granbench.models import ClassicalCell
 
+CURVE_SPREAD = 0.5
+CANDIDATES = 4
+"""Drawn for every start that is wanted; some may be impossible."""
+
+RANDOM_FIRSTS = 256
+TINY = 1e-6
+
 SAME_COST = 1e-3
 """Relative difference of two sums of squares below which two starts found the same minimum."""
 
@@ -198,7 +205,7 @@ def fit(
         uncertainty=uncertainty,
         errors=errors,
         curves=curves_of(predicted),
-        warnings=tuple(_warnings(space, vector, minimum, identifiability, errors)),
+        warnings=tuple(_warnings(problem, vector, minimum, identifiability, errors)),
     )
 
 
@@ -209,27 +216,60 @@ def _batches(tests: Sequence[LaboratoryTest], settings: FitSettings) -> list[Tes
 
 
 def _searched(problem: Problem, settings: FitSettings, on: OnIteration | None) -> Minimum:
-    vectors = problem.space.starts(settings.starts, settings.spread, settings.seed)
-    possible = problem.residuals(vectors).isfinite().all(dim=1)
-    if not possible.any():
-        predict(problem.space, vectors[:1], problem.batches[0])  # raises what the model says
-        raise ModelError(
-            f"{problem.space.cell.name} can start none of the tests; give other first values"
-        )
-    vectors = vectors[possible]
+    vectors = _possible_starts(problem, settings)
     if settings.effort.adam_iterations:
         vectors = adam(problem, vectors, settings.effort, on)
     return levenberg_marquardt(problem, vectors, settings.effort, on)
 
 
+def _possible_starts(problem: Problem, settings: FitSettings) -> Tensor:
+    """First vectors (start, parameter) with which the model can start every test.
+
+    The first is that of the cell's own values or, where they cannot start the tests, the nearest
+    of some random ones that can. The others are scattered about it by the spread, but less along
+    what moves the curves much: by no more than `CURVE_SPREAD` of their ranges, to first order.
+    """
+    wanted, space = settings.starts, problem.space
+    generator = torch.Generator().manual_seed(settings.seed)
+    first = _first_start(problem, settings.spread, generator)
+    _, jacobian = problem.linearised(first[None])
+    squares = jacobian[0].mT @ jacobian[0] / (problem.tests * CURVE_SPREAD**2)
+    narrowed = squares + torch.eye(space.size).double() / max(settings.spread, TINY) ** 2
+    half = torch.linalg.inv(torch.linalg.cholesky(narrowed)).mT
+    shape = (CANDIDATES * wanted, space.size)
+    drawn = first + torch.randn(shape, generator=generator, dtype=torch.float64) @ half.mT
+    possible = drawn[problem.can_start(drawn)]
+    return torch.cat([first[None], possible])[:wanted]
+
+
+def _first_start(problem: Problem, spread: float, generator: torch.Generator) -> Tensor:
+    """The vector (parameter,) nearest to zero, of some, with which all tests can be started."""
+    size = problem.space.size
+    zero = torch.zeros(1, size, dtype=torch.float64)
+    if problem.can_start(zero).all():
+        return zero[0]
+    drawn = torch.randn(RANDOM_FIRSTS, size, generator=generator, dtype=torch.float64)
+    drawn = drawn * max(spread, TINY) * torch.linspace(0.2, 2.0, RANDOM_FIRSTS).double()[:, None]
+    possible = drawn[problem.can_start(drawn)]
+    if not len(possible):
+        predict(problem.space, zero, problem.batches[0])  # raises what the model says
+        raise ModelError(
+            f"{problem.space.cell.name} can start none of the tests with values near the first; "
+            "give others with --set or --params"
+        )
+    return possible[(possible**2).sum(dim=1).argmin()]
+
+
 def _warnings(
-    space: ParameterSpace,
+    problem: Problem,
     vector: Tensor,
     minimum: Minimum,
     identifiability: Identifiability,
     errors: Sequence[TestError],
 ) -> list[str]:
-    found = []
+    found, space = [], problem.space
+    if not problem.can_start(torch.zeros_like(vector[None])).all():
+        found.append("the model cannot start all tests with the first values; others were taken")
     if lost := [name for name, known in identifiability.identifiable.items() if not known]:
         found.append(
             f"the tests do not identify {', '.join(lost)}: other values fit as well; fix "

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from granbench.baselines.fitting.observations import TestBatch
-from granbench.baselines.fitting.parameter_space import ParameterSpace
+from granbench.baselines.fitting.parameter_space import ParameterSpace, with_parameters
 from granbench.baselines.fitting.rollouts import (
     Prediction,
     differentiable_quantities,
@@ -44,9 +44,35 @@ class Problem:
         """Number of tests."""
         return sum(batch.size for batch in self.batches)
 
+    def can_start(self, vectors: Tensor) -> Tensor:
+        """Whether the model can start all tests with each vector, (vector,)."""
+        possible = torch.ones(len(vectors), dtype=torch.bool)
+        for batch in self.batches:
+            possible &= self._can_start(vectors, batch)
+        return possible
+
+    def _can_start(self, vectors: Tensor, batch: TestBatch) -> Tensor:
+        _, conditions = batch.repeated(len(vectors))
+        free = self.space.per_point(vectors, batch.size)
+        try:
+            with_parameters(self.space.cell, free, lambda cell: cell.initial_state(conditions))
+        except ModelError:
+            if len(vectors) == 1:
+                return torch.zeros(1, dtype=torch.bool)
+            middle = len(vectors) // 2
+            halves = (vectors[:middle], vectors[middle:])
+            return torch.cat([self._can_start(half, batch) for half in halves])
+        return torch.ones(len(vectors), dtype=torch.bool)
+
     def residuals(self, vectors: Tensor) -> Tensor:
         """Residuals (vector, residual); infinite where the model cannot start with a vector."""
-        return torch.cat([self._residuals(vectors, batch)[0] for batch in self.batches], dim=1)
+        count = sum(batch.observed.numel() for batch in self.batches)
+        residuals = torch.full((len(vectors), count), torch.inf, dtype=torch.float64)
+        possible = self.can_start(vectors)
+        if possible.any():
+            parts = [self._residuals(vectors[possible], batch)[0] for batch in self.batches]
+            residuals[possible] = torch.cat(parts, dim=1)
+        return residuals
 
     def linearised(self, vectors: Tensor) -> tuple[Tensor, Tensor]:
         """Residuals (vector, residual) and their Jacobian (vector, residual, parameter).
@@ -59,9 +85,6 @@ class Problem:
         residuals, jacobians = [], []
         for batch in self.batches:
             residual, prediction = self._residuals(vectors, batch)
-            if prediction is None:
-                # With a start that fails there is nothing to linearise: let the model say why.
-                prediction = predict(self.space, vectors, batch)
             change = sensitivity(self.space, vectors, batch, prediction)
             reached = prediction.quantities(batch).isfinite()[..., None]
             change = torch.where(reached, change, 0.0).nan_to_num(posinf=0.0, neginf=0.0)
@@ -79,17 +102,8 @@ class Problem:
             total = total + (residual**2).sum(dim=1)
         return total
 
-    def _residuals(self, vectors: Tensor, batch: TestBatch) -> tuple[Tensor, Prediction | None]:
-        try:
-            prediction = predict(self.space, vectors, batch)
-        except ModelError:
-            if len(vectors) == 1:
-                return torch.full((1, batch.observed.numel()), torch.inf).double(), None
-            middle = len(vectors) // 2
-            halves = [
-                self._residuals(part, batch)[0] for part in (vectors[:middle], vectors[middle:])
-            ]
-            return torch.cat(halves), None
+    def _residuals(self, vectors: Tensor, batch: TestBatch) -> tuple[Tensor, Prediction]:
+        prediction = predict(self.space, vectors, batch)
         return _weighted_errors(prediction.quantities(batch), batch), prediction
 
 

@@ -26,8 +26,9 @@ from granbench.cell import Conditions
 from granbench.element_test import run_test
 from granbench.models import ClassicalCell
 
-HELD_TOLERANCE = 1e-7
-"""Of the held stresses, relative: far below what any laboratory holds."""
+HELD_TOLERANCE = 3e-4
+"""Of the held stresses, relative: finer than any cell pressure is held, and coarser than the error
+of a model that controls its own, below which its stress is no smooth function of the strain."""
 
 
 @dataclass(frozen=True)

@@ -237,7 +237,7 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
             for start in range(0, points, BLOCK):
                 block = slice(start, start + BLOCK)
                 after[:, block] = self.update(self._strain_rows(dstrain[block]), state[block].T)
-        return after[: self.component_count].T, after.T
+        return self._stress_of(after).T, after.T
 
     def tangent(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """See `MaterialCell.tangent`; in closed form where the model has one."""
@@ -247,7 +247,11 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
             return super().tangent(dstrain, state)
         after, tangent = closed
         count = self.component_count
-        return after[:count].T, after.T, tangent[:count, :count].permute(2, 0, 1)
+        return self._stress_of(after).T, after.T, tangent[:count, :count].permute(2, 0, 1)
+
+    def _stress_of(self, rows: Tensor) -> Tensor:
+        # The gradient of a slice writes zeros for what it leaves out: none of everything.
+        return rows[: self.component_count] if self.internals else rows
 
     def _differs_between_points(self) -> bool:
         return any(value.ndim > 0 for value in self.free.values())

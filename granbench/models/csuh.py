@@ -249,9 +249,14 @@ class CSUH(ClassicalCell):
 
     def update(self, dstrain: Tensor, state: Tensor) -> Tensor:
         """See `ClassicalCell.update`."""
+        material = self._material(state)
+        return substepped(self._increment.advance, dstrain, state, material, self.substepping)
+
+    def _material(self, state: Tensor) -> Material:
+        """Constants of the material and of the paths whose states (n_state, point) are given."""
         c = self.constants()
         volume = 1.0 + state[-1]
-        material = Material(
+        return Material(
             sixth=c.sixth,
             spacing=c.critical_spacing,
             stretch=c.stretch,
@@ -268,4 +273,3 @@ class CSUH(ClassicalCell):
             plasticity=volume / c.plastic,
             first_size=state[-2] + c.p_s,
         )
-        return substepped(self._increment.advance, dstrain, state, material, self.substepping)

@@ -237,7 +237,7 @@ class Increment:
             (root - ends.slope) / (2.0 * curvature),
         )
         for _ in range(ROOT_ITERATIONS):
-            share = torch.where((share > low) & (share < high), share, 0.5 * (low + high))
+            share = torch.where((share >= low) & (share <= high), share, 0.5 * (low + high))
             excess, slope = self._on_line(elastic, share, size, m)
             within = excess < 0.0
             low, high = torch.where(within, share, low), torch.where(within, high, share)

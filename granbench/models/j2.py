@@ -43,8 +43,7 @@ class J2(ClassicalCell):
 
     def derived(self, c: Constants) -> dict[str, Tensor]:
         """See `ClassicalCell.derived`."""
-        elastic = elastic_constants(c.bulk_modulus, c.shear_modulus, self.rows.dimension)
-        return {**elastic, "square_limit": c.yield_stress * c.yield_stress}
+        return elastic_constants(c.bulk_modulus, c.shear_modulus, self.rows.dimension)
 
     def update(self, dstrain: Tensor, state: Tensor) -> Tensor:
         """See `ClassicalCell.update`."""
@@ -55,9 +54,9 @@ class J2(ClassicalCell):
         rows = self.rows
         trial = elastic_trial(rows, state, dstrain, c)
         p, s = rows.split(trial)
-        square = rows.deviatoric_square(s)
-        yielding = exceeds(square, c.square_limit, c.square_limit)
-        ratio = c.yield_stress * torch.maximum(square, c.square_limit).rsqrt()
+        q = rows.deviatoric_stress(s)
+        yielding = exceeds(q, c.yield_stress, c.yield_stress)
+        ratio = c.yield_stress / q
         after = torch.where(yielding, rows.joined(p, s, ratio), trial)
         return after, s, yielding, ratio
 
@@ -70,7 +69,7 @@ class J2(ClassicalCell):
         c, rows = self.constants(), self.rows
         after, s, yielding, ratio = self._return(c, dstrain, state)
         ratio = torch.where(yielding, ratio, 1.0)
-        drop = c.twice_shear * rows.square_factor * ratio**3 / c.square_limit
+        drop = c.twice_shear * rows.square_factor * ratio**3 / c.yield_stress**2
         return after, (
             c.bulk * rows.spherical
             + c.twice_shear * ratio * rows.deviatoric

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import torch
@@ -70,15 +71,26 @@ class Parameter:
         free : () or (point,), unconstrained
         reference : the value at `free` = 0
         """
-        if math.isinf(self.lower):
+        if self.lower == -math.inf:
             return reference + (abs(reference) or 1.0) * free
-        if math.isinf(self.upper):
+        if self.upper == math.inf:
             grown = (reference - self.lower) * torch.exp(free)
             return self.lower + grown if self.lower else grown
         share = (reference - self.lower) / (self.upper - self.lower)
         start = math.log(share / (1.0 - share))
-        moved = torch.sigmoid(start + free) - torch.sigmoid(start + torch.zeros_like(free))
+        began: Tensor | float = (
+            torch.sigmoid(torch.full_like(free, start))
+            if torch.compiler.is_compiling()
+            else _sigmoid(start, free.dtype)
+        )
+        moved = torch.sigmoid(start + free) - began
         return reference + (self.upper - self.lower) * moved
+
+
+@cache
+def _sigmoid(number: float, dtype: torch.dtype) -> float:
+    """torch's sigmoid, whose last bit need not be that of `math`; kept, for every step asks."""
+    return float(torch.sigmoid(torch.tensor(number, dtype=dtype)))
 
 
 class Constants:

@@ -47,7 +47,7 @@ def elastic_trial(rows: TensorRows, stress: Tensor, dstrain: Tensor, c: Constant
 
 def exceeds(value: Tensor, limit: Tensor, scale: Tensor) -> Tensor:
     """Where `value` (point,) is above `limit` by more than the rounding of numbers like `scale`."""
-    return value - limit > scale * (ROUNDINGS * torch.finfo(value.dtype).eps)
+    return value > torch.add(limit, scale, alpha=ROUNDINGS * torch.finfo(value.dtype).eps)
 
 
 def consistent_root(
