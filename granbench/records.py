@@ -8,6 +8,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -40,7 +41,9 @@ __all__ = [
     "write_records",
 ]
 
-PATHS_PER_CHUNK = 32
+CHUNK_BYTES = 2**18
+"""Of one component over some paths, before compression: long runs of like bytes compress well,
+and one path is still read without most of the others."""
 _SIGNATURES = (b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02", b"CDF\x05")
 
 
@@ -153,20 +156,28 @@ def write_records(ds: xr.Dataset, path: Path | str) -> Path:
     sealed = seal(described)
     for variable in sealed.variables.values():
         variable.encoding = {}
-    encoding = {
-        str(name): {"zlib": True, "complevel": 6, "shuffle": True, "chunksizes": _chunk(variable)}
-        for name, variable in sealed.variables.items()
-        if variable.dtype.kind in "fiu" and variable.ndim > 1
-    }
+    encoding = {str(name): _encoding(variable) for name, variable in sealed.variables.items()}
     with whole_file(path, DatasetError, RuntimeError, size=sealed.nbytes) as partial:
         sealed.to_netcdf(partial, engine="netcdf4", format="NETCDF4", encoding=encoding)
     return path
 
 
+def _encoding(variable: xr.Variable) -> dict[str, Any]:
+    """How a variable is stored; a chunk of 1-D labels or numbers holds all of them."""
+    if not variable.size:
+        return {}
+    compressed = {"zlib": True, "complevel": 6, "shuffle": True}
+    if variable.dtype.kind not in "fiu":
+        # Text of variable length would take some 50 bytes a label, and is never compressed.
+        return {**compressed, "dtype": "S1"}
+    return {**compressed, "chunksizes": _chunk(variable) if variable.ndim > 1 else variable.shape}
+
+
 def _chunk(variable: xr.Variable) -> tuple[int, ...]:
-    """A few paths of one component: compresses best, and one path is read without the others."""
+    """Some paths of one component: compresses best, and one path is read without the others."""
     paths, *others = variable.shape
-    return (min(paths, PATHS_PER_CHUNK), *others[:1], *(1 for _ in others[1:]))
+    together = max(1, CHUNK_BYTES // (variable.dtype.itemsize * others[0]))
+    return (min(paths, together), *others[:1], *(1 for _ in others[1:]))
 
 
 def open_records(

@@ -144,9 +144,9 @@ def test_no_two_test_files_share_a_name() -> None:
 
 
 LAYERS = (
-    ("errors", "tensors", "whole_file"),
+    ("errors", "tensors", "whole_file", "rounding"),
     ("cell", "schema", "schema_check", "records"),
-    ("observations", "baseline", "predictions"),
+    ("observations", "baseline", "axes", "checks", "predictions"),
     ("plotting", "paths"),
     ("data",),
     ("models",),

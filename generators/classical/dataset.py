@@ -17,6 +17,7 @@ from granbench.generators.classical.design import (
     split_seed,
 )
 from granbench.generators.classical.jobs import PARAMETERS_FILE, RECORD_FILE
+from granbench.generators.classical.recorded import ROUNDING, rounding_attributes
 from granbench.tensors import COMPONENT_ORDERS
 
 CONVENTIONS = (
@@ -71,7 +72,11 @@ def assemble(
     seeds = np.repeat([split_seed(plan.name, seed) for plan in plans], counts).astype(np.int64)
     return xr.Dataset(
         {
-            name: (("path", "step", *DIMENSIONS.get(name, ())), values)
+            name: (
+                ("path", "step", *DIMENSIONS.get(name, ())),
+                values,
+                rounding_attributes(name),
+            )
             for name, values in series.items()
         },
         coords={
@@ -124,6 +129,7 @@ def _attributes(
         "configuration": json.dumps(configuration, sort_keys=True),
         "ground_truth": json.dumps(ground_truth, sort_keys=True),
         "conventions": CONVENTIONS,
+        "rounding": ROUNDING,
         "seed": seed,
         "licence": "CC-BY-4.0",
         "thesis_section": truth.thesis_section,

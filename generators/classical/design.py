@@ -116,7 +116,7 @@ class ClassicalPreset(BaseModel):
     tangents: bool = False
 
 
-CORE = ClassicalPreset(name="core", version="1.0.0", train=1000, validation=200, test=200, ood=100)
+CORE = ClassicalPreset(name="core", version="1.0.0", train=1000, validation=200, test=200, ood=50)
 PRESETS: Mapping[str, ClassicalPreset] = {
     preset.name: preset
     for preset in (

@@ -20,6 +20,7 @@ from granbench.generators.classical.design import (
     SplitPlan,
     split_seed,
 )
+from granbench.generators.classical.recorded import recorded
 from granbench.generators.classical.response import isotropic_start, response
 from granbench.models import find_model
 from granbench.models.classical import ClassicalCell
@@ -68,7 +69,7 @@ def campaign_job(
 def run_paths(
     configuration: Mapping[str, Any], seed: int, inputs: Mapping[str, Path], out: Path
 ) -> None:
-    """Keep what was drawn for all paths, and their records in single precision, in `out`.
+    """Keep what was drawn for all paths, and their records as a dataset has them, in `out`.
 
     Raises
     ------
@@ -86,7 +87,7 @@ def run_paths(
     series = {"strain": drawn.strain, "stress": run.stress, **run.internals}
     if run.tangent is not None:
         series["tangent"] = run.tangent
-    record = {name: np.asarray(values, dtype=np.float32) for name, values in series.items()}
+    record = {name: recorded(name, values) for name, values in series.items()}
     for name, values in record.items():
         broken = ~np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
         if broken.any():

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from granbench.cell import Conditions
+from granbench.generators.classical.recorded import recorded
 from granbench.models.classical import ClassicalCell
 
 
@@ -30,8 +31,8 @@ class Response:
 def isotropic_start(cell: ClassicalCell, mean_stress: float, count: int) -> Conditions:
     """Conditions at an isotropic stress, with the internal variables that the model starts from.
 
-    They are given in single precision, as a dataset keeps them, so that a model which is started
-    from the record makes the very run that made it.
+    They are given as a dataset keeps them, so that a model which is started from the record
+    makes the very run that made it.
 
     Parameters
     ----------
@@ -40,13 +41,17 @@ def isotropic_start(cell: ClassicalCell, mean_stress: float, count: int) -> Cond
     count : number of points
     """
     normal = cell.rows.normal[: cell.component_count].T
-    stress = (mean_stress * normal).expand(count, -1).to(cell.dtype)
+    stress = _kept(cell, "stress", (mean_stress * normal).expand(count, -1))
     state = cell.initial_state(Conditions(stress))
     internals = {name: state[:, cell.layout[name]].squeeze(-1) for name in cell.internals}
-    known = {name: values.detach().float().to(cell.dtype) for name, values in internals.items()}
+    known = {name: _kept(cell, name, values.detach()) for name, values in internals.items()}
     if "void_ratio" in known:
         known["initial_void_ratio"] = known["void_ratio"]
     return Conditions(stress, known | {"initial_mean_stress": cell.rows.mean(_rows(cell, state))})
+
+
+def _kept(cell: ClassicalCell, name: str, values: Tensor) -> Tensor:
+    return torch.from_numpy(recorded(name, values)).to(cell.dtype)
 
 
 def response(

@@ -12,12 +12,14 @@ from pydantic import BaseModel, ConfigDict
 
 from granbench.errors import ConfigurationError
 from granbench.paths.programme import Floats
+from granbench.rounding import on_grid
 from granbench.tensors import frobenius_norm
 
-STRAIN_GRID = 2.0**-24
-"""Recorded strains are multiples of this. Up to 1, single precision holds them exactly, and their
-increments too: whoever reads a record in float32 drives a model with the very increments that
-made it. The last bits of exp and matmul, which differ from machine to machine, go as well."""
+STRAIN_GRID = 2.0**-20
+"""Recorded strains are multiples of this, about a microstrain, and so are other numbers without
+unit that go with them. Up to 16, single precision holds them exactly, and their increments too:
+whoever reads a record in float32 drives a model with the very increments that made it. A finer
+grid would say more of the random numbers than of the material."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,7 @@ class PathFamily(BaseModel, abc.ABC):
 
 def on_strain_grid(strain: Floats) -> Floats:
     """Strains (...) rounded to multiples of `STRAIN_GRID`, as float32 can hold them."""
-    rounded = np.round(strain / STRAIN_GRID) * STRAIN_GRID
-    return rounded.astype(np.float32).astype(np.float64)
+    return on_grid(strain, STRAIN_GRID).astype(np.float64)
 
 
 def require_range(family: PathFamily, field: str, low: float, high: float = np.inf) -> None:

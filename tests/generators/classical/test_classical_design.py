@@ -26,10 +26,10 @@ def test_core_has_the_paths_that_the_specification_asks_for() -> None:
         "train": 1000,
         "validation": 200,
         "test": 200,
-        "ood-rougher": 100,
-        "ood-amplitude": 100,
-        "ood-proportional": 100,
-        "ood-cyclic": 100,
+        "ood-rougher": 50,
+        "ood-amplitude": 50,
+        "ood-proportional": 50,
+        "ood-cyclic": 50,
     }
     assert CORE.steps == 200
     assert all(SPLIT_PATTERN.fullmatch(name) for name in counts("gp-dp", "core"))
