@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from granbench.baselines.recurrent_baseline import seeded_network
+from granbench.baselines.mlstm import BASELINE as MLSTM
 from granbench.baselines.recurrent_network import RecurrentConfiguration
 from granbench.baselines.training.model_files import ModelDescription, write_model
 from granbench.candidate import DEFAULT_SEEDS, find_candidate
@@ -21,7 +21,7 @@ def cell(seed):
 
 def trained_model(folder: Path, seed: int) -> Path:
     architecture = RecurrentConfiguration(initial_layer=True)
-    network = seeded_network(architecture, seed)
+    network = MLSTM.seeded_network(architecture, seed)
     description = ModelDescription(
         "mlstm", architecture.as_dict(), network.parameters_count(), training={"seed": seed}
     )

@@ -194,6 +194,8 @@ class _Run:
             self.optimiser.zero_grad()
             loss = self.network.loss(batch)  # type: ignore[operator]
             loss.backward()
+            if self.recipe.largest_gradient is not None:
+                nn.utils.clip_grad_norm_(self.network.parameters(), self.recipe.largest_gradient)
             self.optimiser.step()
             # Summed where it lies: reading it out would make a GPU wait every step.
             total = total.to(loss.device) + loss.detach() * len(batch[0])

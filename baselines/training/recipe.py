@@ -10,7 +10,11 @@ ADAM_BETAS = (0.9, 0.999)
 ADAM_EPSILON = 1e-8
 """Table 2.4."""
 
-SCHEDULES = ("constant", "cosine")
+SCHEDULES = ("constant", "cosine", "one-cycle")
+
+WARM_UP = 0.3
+"""Share of a one-cycle run in which the rate rises, from `learning_rate` / `FIRST_DIVISOR`."""
+FIRST_DIVISOR = 25.0
 
 
 @dataclass(frozen=True)
@@ -21,8 +25,10 @@ class Recipe:
     ----------
     batch_size : items a step of the optimiser
     learning_rate : of Adam, where the schedule begins
-    schedule : `constant`, or `cosine` from `learning_rate` to `final_rate` over the run
-    final_rate : learning rate where a cosine schedule ends
+    schedule : `constant`; `cosine`, from `learning_rate` to `final_rate` over the run; or
+        `one-cycle`, which rises to `learning_rate` first (Smith & Topin 2019) and falls as cosine
+    final_rate : learning rate where a cosine or one-cycle schedule ends
+    largest_gradient : norm to which longer gradients are cut; None to leave them
     epochs : passes over the training items, at most
     patience : epochs without a lower validation loss after which the run ends
 
@@ -34,8 +40,9 @@ class Recipe:
 
     batch_size: int = 256
     learning_rate: float = 1e-3
-    schedule: Literal["constant", "cosine"] = "constant"
+    schedule: Literal["constant", "cosine", "one-cycle"] = "constant"
     final_rate: float = 1e-6
+    largest_gradient: float | None = None
     epochs: int = 20_000
     patience: int = 1000
 
@@ -46,6 +53,10 @@ class Recipe:
         for name in ("learning_rate", "final_rate"):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise ConfigurationError(f"{name} is {getattr(self, name)}; it must be positive")
+        if self.largest_gradient is not None and not self.largest_gradient > 0.0:
+            raise ConfigurationError(
+                f"largest_gradient is {self.largest_gradient}; it must be positive"
+            )
         if self.schedule not in SCHEDULES:
             raise ConfigurationError(
                 f"unknown schedule {self.schedule!r}; use {' or '.join(SCHEDULES)}"
@@ -55,12 +66,22 @@ class Recipe:
         """Learning rate when a share `progress` in [0, 1] of the run is over."""
         if self.schedule == "constant":
             return self.learning_rate
-        cosine = 0.5 * (1.0 + math.cos(math.pi * min(progress, 1.0)))
-        return self.final_rate + (self.learning_rate - self.final_rate) * cosine
+        if self.schedule == "cosine":
+            return _eased(self.learning_rate, self.final_rate, progress)
+        if progress < WARM_UP:
+            first = self.learning_rate / FIRST_DIVISOR
+            return _eased(first, self.learning_rate, progress / WARM_UP)
+        return _eased(self.learning_rate, self.final_rate, (progress - WARM_UP) / (1.0 - WARM_UP))
 
     def as_dict(self) -> dict[str, Any]:
         """Settings by name, for a file."""
         return asdict(self)
+
+
+def _eased(begin: float, end: float, share: float) -> float:
+    """From `begin` to `end` along half a cosine."""
+    cosine = 0.5 * (1.0 + math.cos(math.pi * min(share, 1.0)))
+    return end + (begin - end) * cosine
 
 
 @dataclass(frozen=True)

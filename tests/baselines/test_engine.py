@@ -190,3 +190,25 @@ def test_cosine_rate_falls_from_first_to_last(progress: float) -> None:
 def test_settings_out_of_range_are_refused(setting: dict) -> None:
     with pytest.raises(ConfigurationError, match=next(iter(setting))):
         Recipe(**setting)
+
+
+def test_a_one_cycle_rate_rises_to_its_peak_and_falls_to_its_end() -> None:
+    recipe = Recipe(learning_rate=1e-2, schedule="one-cycle", final_rate=1e-6)
+    rates = [recipe.rate(share / 100.0) for share in range(101)]
+    peak = rates.index(max(rates))
+    assert rates[0] == pytest.approx(4e-4)
+    assert rates[peak] == pytest.approx(1e-2)
+    assert peak == 30
+    assert rates[-1] == pytest.approx(1e-6)
+    assert rates[:peak] == sorted(rates[:peak])
+    assert rates[peak:] == sorted(rates[peak:], reverse=True)
+
+
+def test_a_long_gradient_is_cut(tmp_path: Path) -> None:
+    # Cut far below Adam's epsilon a gradient moves nothing; the uncut one has a norm near 2.
+    still = run(tmp_path / "cut", largest_gradient=1e-14)
+    assert still.best_weights["layer.weight"].abs().item() < 1e-3
+    free, loose = run(tmp_path / "free"), run(tmp_path / "loose", largest_gradient=1e3)
+    assert torch.equal(free.best_weights["layer.weight"], loose.best_weights["layer.weight"])
+    with pytest.raises(ConfigurationError, match="largest_gradient"):
+        Recipe(largest_gradient=0.0)

@@ -9,7 +9,6 @@ import torch
 import xarray as xr
 
 from granbench.baselines.mlstm import BASELINE
-from granbench.baselines.recurrent_baseline import seeded_network
 from granbench.baselines.recurrent_network import RecurrentConfiguration
 from granbench.baselines.training.model_files import (
     DESCRIPTION_FILE,
@@ -25,7 +24,7 @@ ARCHITECTURE = RecurrentConfiguration(initial_layer=True)
 
 @pytest.fixture
 def model(tmp_path: Path) -> Path:
-    network = seeded_network(ARCHITECTURE, seed=0)
+    network = BASELINE.seeded_network(ARCHITECTURE, seed=0)
     description = ModelDescription(
         "mlstm", ARCHITECTURE.as_dict(), network.parameters_count(), training={}
     )
@@ -40,7 +39,7 @@ def edit(model: Path, **changes: object) -> None:
 def test_weights_come_back_bit_for_bit(model: Path, records: xr.Dataset) -> None:
     cell = find_candidate(str(model), records).cell
     assert cell.name == "mlstm"
-    for name, tensor in seeded_network(ARCHITECTURE, seed=0).state_dict().items():
+    for name, tensor in BASELINE.seeded_network(ARCHITECTURE, seed=0).state_dict().items():
         assert torch.equal(tensor, cell.network.state_dict()[name])
 
 

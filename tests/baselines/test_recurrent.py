@@ -4,7 +4,7 @@ import pytest
 import torch
 import xarray as xr
 
-from granbench.baselines.recurrent_baseline import seeded_network
+from granbench.baselines.mlstm import BASELINE as MLSTM
 from granbench.baselines.recurrent_cell import RecurrentCell
 from granbench.baselines.recurrent_network import (
     INPUTS,
@@ -28,7 +28,7 @@ CPU = torch.device("cpu")
 
 def network_for(records: xr.Dataset, **settings: object) -> RecurrentNetwork:
     configuration = RecurrentConfiguration(**settings)
-    network = seeded_network(configuration, seed=0)
+    network = MLSTM.seeded_network(configuration, seed=0)
     training = records.isel(path=records["split"].values == "train")
     fit_scaling(network.scaling, training, configuration.change_lag)
     return network

@@ -1,0 +1,247 @@
+"""`gru`: two GRU layers of 30 from strain increments to stress, trained on whole paths (Sec 6.3).
+
+The network is shown nothing but strain increments: what the material remembers is in its hidden
+state, which starts at zero, and the stress is read from it. So it is told neither pressure nor
+density, and a path that starts elsewhere than those it was trained on is beyond it.
+
+References
+----------
+Guan (2023), Sec 6.3; Cho et al. (2014), Learning phrase representations using RNN
+encoder-decoder for statistical machine translation.
+"""
+
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
+
+import torch
+import xarray as xr
+from torch import Tensor, nn
+
+from granbench.baselines.network_baseline import NetworkBaseline
+from granbench.baselines.training import Recipe
+from granbench.baselines.training.batches import Batch, BatchSource, ResidentBatches
+from granbench.cell import Conditions, MaterialCell, StateLayout
+from granbench.data.adapters import history_of
+from granbench.errors import ModelError
+from granbench.tensors import COMPONENT_ORDERS, component_order
+
+
+@dataclass(frozen=True)
+class GruConfiguration:
+    """Architecture of a `gru`; the defaults are those of Sec 6.3.
+
+    Parameters
+    ----------
+    order : component order of strain and stress, that of the records it is trained on
+    hidden : width of each layer's hidden state
+    layers : number of GRU layers
+
+    Raises
+    ------
+    ModelError
+        If a setting is out of range.
+    """
+
+    order: str = "plane"
+    hidden: int = 30
+    layers: int = 2
+
+    def __post_init__(self) -> None:
+        if self.order not in COMPONENT_ORDERS:
+            raise ModelError(
+                f"unknown component order {self.order!r}; use {', '.join(COMPONENT_ORDERS)}"
+            )
+        for name in ("hidden", "layers"):
+            width = getattr(self, name)
+            if not isinstance(width, int) or width < 1:
+                raise ModelError(f"{name} is {width!r}; it must be an integer of at least 1")
+
+    @classmethod
+    def of(cls, settings: dict[str, Any]) -> "GruConfiguration":
+        """From the settings in a model file.
+
+        Raises
+        ------
+        ModelError
+            If a setting is unknown or out of range.
+        """
+        if unknown := sorted(set(settings) - {field.name for field in fields(cls)}):
+            raise ModelError(f"unknown setting {unknown[0]!r} of a gru")
+        return cls(**settings)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Settings by name, for a file."""
+        return asdict(self)
+
+    @property
+    def components(self) -> int:
+        """Number of strain and stress components."""
+        return len(COMPONENT_ORDERS[self.order])
+
+
+class GruNetwork(nn.Module):
+    """Standardised strain increments to standardised stress.
+
+    Means and standard deviations are buffers, so that they travel with the weights.
+    """
+
+    increment_scale: Tensor
+    stress_mean: Tensor
+    stress_scale: Tensor
+
+    def __init__(self, configuration: GruConfiguration) -> None:
+        super().__init__()
+        self.configuration = configuration
+        count = configuration.components
+        for name in ("increment_scale", "stress_scale"):
+            self.register_buffer(name, torch.ones(count))
+        self.register_buffer("stress_mean", torch.zeros(count))
+        self.recurrent = nn.GRU(count, configuration.hidden, configuration.layers, batch_first=True)
+        self.read_out = nn.Linear(configuration.hidden, count)
+
+    def fit_scaling(self, strain: Tensor, stress: Tensor) -> None:
+        """Set means and standard deviations from records (path, step, component).
+
+        Increments are divided only, so that no strain stays zero.
+        """
+        self.increment_scale.copy_(_varying(strain.diff(dim=1).flatten(0, 1).std(dim=0)))
+        self.stress_mean.copy_(stress.flatten(0, 1).mean(dim=0))
+        self.stress_scale.copy_(_varying(stress.flatten(0, 1).std(dim=0)))
+
+    def forward(self, increments: Tensor) -> Tensor:
+        """Standardised stress (path, step, component) after each of the increments."""
+        return self.read_out(self.recurrent(increments)[0])
+
+    def advance(self, increment: Tensor, hidden: Tensor) -> tuple[Tensor, Tensor]:
+        """One step with the same weights.
+
+        Parameters
+        ----------
+        increment : (point, component), standardised
+        hidden : (point, layers x hidden)
+
+        Returns
+        -------
+        standardised stress (point, component); hidden after the step
+        """
+        below, after = increment, []
+        for weights, layer in zip(
+            self.recurrent.all_weights, hidden.split(self.configuration.hidden, dim=-1), strict=True
+        ):
+            below = torch.gru_cell(below, layer.contiguous(), *weights)
+            after.append(below)
+        return self.read_out(below), torch.cat(after, dim=-1)
+
+    def loss(self, batch: Batch) -> Tensor:
+        """Mean squared error of standardised stress over all steps."""
+        increments, stress = batch
+        return (self(increments) - stress).square().mean()
+
+
+def _varying(deviation: Tensor) -> Tensor:
+    return torch.where(deviation > 0.0, deviation, 1.0)
+
+
+class GruCell(MaterialCell):
+    """A trained `GruNetwork` as a material cell; its state is stress and hidden state.
+
+    The first stress is what the conditions say; every later one is read from the hidden state
+    alone, so that a true stress given on the way changes nothing.
+
+    Parameters
+    ----------
+    network : trained; it is put into evaluation mode
+    name : what the leaderboard calls it
+    """
+
+    def __init__(self, network: GruNetwork, name: str) -> None:
+        self.network = network.eval().requires_grad_(False)
+        self.name = name
+        self.order = network.configuration.order
+        self.dtype = network.stress_mean.dtype
+        width = network.configuration.hidden * network.configuration.layers
+        self.layout = StateLayout.of(stress=network.configuration.components, hidden=width)
+
+    def initial_state(self, conditions: Conditions) -> Tensor:
+        """See `MaterialCell.initial_state`."""
+        stress = conditions.stress.to(self.dtype)
+        hidden = self.layout["hidden"]
+        return self.layout.pack(
+            stress=stress, hidden=stress.new_zeros(len(stress), hidden.stop - hidden.start)
+        )
+
+    def step(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        """See `MaterialCell.step`."""
+        network = self.network
+        output, hidden = network.advance(
+            dstrain / network.increment_scale, state[:, self.layout["hidden"]]
+        )
+        stress = torch.addcmul(network.stress_mean, output, network.stress_scale)
+        return stress, self.layout.pack(stress=stress, hidden=hidden)
+
+    def parameters_count(self) -> int:
+        """See `MaterialCell.parameters_count`."""
+        return sum(parameter.numel() for parameter in self.network.parameters())
+
+
+class GruBaseline(NetworkBaseline[GruConfiguration, GruNetwork]):
+    """The `gru`, trained on whole paths; see `NetworkBaseline`."""
+
+    def check(self, records: xr.Dataset) -> None:
+        """See `NetworkBaseline.check`; any records have strain and stress."""
+
+    def fitted_to(self, configuration: GruConfiguration, records: xr.Dataset) -> GruConfiguration:
+        """See `NetworkBaseline.fitted_to`: in the component order of the records."""
+        order = component_order(tuple(map(str, records["component"].values)))
+        return replace(configuration, order=order)
+
+    def configuration_of(self, settings: dict[str, Any]) -> GruConfiguration:
+        """See `NetworkBaseline.configuration_of`."""
+        return GruConfiguration.of(settings)
+
+    def network(self, configuration: GruConfiguration) -> GruNetwork:
+        """See `NetworkBaseline.network`."""
+        return GruNetwork(configuration)
+
+    def scale(self, network: GruNetwork, training: xr.Dataset) -> None:
+        """See `NetworkBaseline.scale`."""
+        history = history_of(training)
+        network.fit_scaling(history.strain, history.stress)
+
+    def source(self, network: GruNetwork, split: xr.Dataset, device: torch.device) -> BatchSource:
+        """Whole paths."""
+        history = history_of(split)
+        scale, mean, deviation = (
+            buffer.cpu().double()
+            for buffer in (network.increment_scale, network.stress_mean, network.stress_scale)
+        )
+        increments = (history.strain.diff(dim=1) / scale).to(device, torch.float32)
+        stress = ((history.stress[:, 1:] - mean) / deviation).to(device, torch.float32)
+        return ResidentBatches(
+            lambda paths: (increments[paths], stress[paths]), len(increments), device
+        )
+
+    def cell(self, network: GruNetwork) -> GruCell:
+        """See `NetworkBaseline.cell`."""
+        return GruCell(network, self.name)
+
+
+BASELINE = GruBaseline(
+    name="gru",
+    title="GRU, two layers of 30 (Guan 2023, Sec 6.3)",
+    settings={
+        "reference": (
+            GruConfiguration(),
+            Recipe(
+                batch_size=50,
+                learning_rate=1e-2,
+                schedule="one-cycle",
+                largest_gradient=1.0,
+                epochs=300,
+                patience=300,
+            ),
+        ),
+        # The thesis: all paths in one batch, a constant rate, 1e5 epochs.
+        "paper": (GruConfiguration(), Recipe(batch_size=1000, epochs=100_000)),
+    },
+)

@@ -1,0 +1,209 @@
+"""Training and loading of the baselines that are networks, whatever their architecture."""
+
+import abc
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, Protocol, Self, TypeVar
+
+import torch
+import xarray as xr
+from torch import nn
+
+from granbench import __version__
+from granbench.baseline import TrainingRequest
+from granbench.baselines.training import Limits, Recipe, TrainingOutcome, train
+from granbench.baselines.training.batches import BatchSource
+from granbench.baselines.training.history import draw_history
+from granbench.baselines.training.model_files import (
+    ModelDescription,
+    load_weights,
+    read_model,
+    write_model,
+)
+from granbench.cell import MaterialCell
+from granbench.data.splits import select_split
+from granbench.errors import ConfigurationError, ModelError
+from granbench.records import content_hashes, dataset_hash
+
+
+class Configuration(Protocol):
+    """Settings of an architecture, as a model's file keeps them."""
+
+    @classmethod
+    def of(cls, settings: dict[str, Any]) -> Self:
+        """From the settings in a model file; ModelError for what is unknown or out of range."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Settings by name, for a file."""
+
+
+ConfigurationT = TypeVar("ConfigurationT", bound=Configuration)
+NetworkT = TypeVar("NetworkT", bound=nn.Module)
+
+
+@dataclass(frozen=True)
+class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
+    """An architecture with its training settings; see `granbench.baseline.Baseline`.
+
+    A subclass says what its network is, what it is trained on and which cell it becomes.
+
+    Parameters
+    ----------
+    name, title : see there
+    settings : architecture and recipe by preset, the default first
+    """
+
+    name: str
+    title: str
+    settings: Mapping[str, tuple[ConfigurationT, Recipe]]
+
+    @property
+    def presets(self) -> tuple[str, ...]:
+        """Names of the settings."""
+        return tuple(self.settings)
+
+    @abc.abstractmethod
+    def check(self, records: xr.Dataset) -> None:
+        """Raise ModelError if the records lack what the network needs."""
+
+    @abc.abstractmethod
+    def fitted_to(self, configuration: ConfigurationT, records: xr.Dataset) -> ConfigurationT:
+        """The configuration for these records; ConfigurationError if they do not go together."""
+
+    @abc.abstractmethod
+    def configuration_of(self, settings: dict[str, Any]) -> ConfigurationT:
+        """The configuration in a model's file; see `Configuration.of`."""
+
+    @abc.abstractmethod
+    def network(self, configuration: ConfigurationT) -> NetworkT:
+        """The network, with random weights."""
+
+    @abc.abstractmethod
+    def scale(self, network: NetworkT, training: xr.Dataset) -> None:
+        """Fit what inputs and outputs are scaled by to the training split."""
+
+    @abc.abstractmethod
+    def source(self, network: NetworkT, split: xr.Dataset, device: torch.device) -> BatchSource:
+        """What a split gives the network to learn from, for `TrainableNetwork.loss`."""
+
+    @abc.abstractmethod
+    def cell(self, network: NetworkT) -> MaterialCell:
+        """The trained network as a material cell."""
+
+    def train(self, request: TrainingRequest) -> Path:
+        """See `granbench.baseline.Baseline.train`."""
+        preset = request.preset or self.presets[0]
+        if preset not in self.settings:
+            raise ConfigurationError(
+                f"unknown preset {preset!r} of {self.name!r}; use {', '.join(self.presets)}"
+            )
+        configuration, recipe = self.settings[preset]
+        device = usable_device(request.device)
+        records = request.records
+        self.check(records)
+        configuration = self.fitted_to(configuration, records)
+        training = select_split(records, "train")
+        network = self.seeded_network(configuration, request.seed)
+        self.scale(network, training)
+        network.to(device)
+        if device.type == "cuda":
+            # cuDNN would round to TF32, 10 bits: relative errors of 1e-3 where these networks
+            # reach less.
+            torch.backends.cudnn.allow_tf32 = False
+        validation = select_split(records, "validation")
+        trained_on = _identity(records)
+        outcome = train(
+            network,
+            self.source(network, training, device),
+            self.source(network, validation, device),
+            recipe=recipe,
+            limits=Limits(epochs=request.epochs, seconds=request.seconds),
+            seed=request.seed,
+            folder=request.out,
+            fingerprint={
+                "baseline": self.name,
+                "configuration": configuration.as_dict(),
+                **trained_on,
+            },
+            on_epoch=request.on_epoch,
+        )
+        about = {**trained_on, "preset": preset, "seed": request.seed, "recipe": recipe.as_dict()}
+        about |= _result(outcome) | _environment(device)
+        description = ModelDescription(
+            baseline=self.name,
+            configuration=configuration.as_dict(),
+            parameters=sum(parameter.numel() for parameter in network.parameters()),
+            training=about,
+        )
+        write_model(request.out, outcome.best_weights, description)
+        draw_history(request.out, f"{self.name}, seed {request.seed}")
+        return request.out
+
+    def seeded_network(self, configuration: ConfigurationT, seed: int) -> NetworkT:
+        """A network whose first weights depend on `seed` only (uniform, torch's own limits)."""
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            return self.network(configuration)
+
+    def load(self, folder: Path | None, records: xr.Dataset) -> MaterialCell:
+        """See `granbench.baseline.Baseline.load`."""
+        if folder is None:
+            raise ModelError(
+                f"baseline {self.name!r} has to be trained first: run `granbench train "
+                f"{self.name} --out DIR` and give DIR"
+            )
+        self.check(records)
+        description, weights = read_model(folder)
+        if description.baseline != self.name:
+            raise ModelError(f"{folder}: holds a {description.baseline!r}, not a {self.name!r}")
+        network = self.network(self.configuration_of(description.configuration))
+        load_weights(network, weights, folder)
+        return self.cell(network)
+
+
+def usable_device(name: str) -> torch.device:
+    """The torch device `name`.
+
+    Raises
+    ------
+    ConfigurationError
+        If torch does not know it or the machine has none.
+    """
+    try:
+        device = torch.device(name)
+        torch.zeros(1, device=device)
+    except (RuntimeError, AssertionError, NotImplementedError) as error:
+        raise ConfigurationError(f"device {name!r} cannot be used here; try cpu") from error
+    return device
+
+
+def _identity(records: xr.Dataset) -> dict[str, Any]:
+    content = records.attrs.get("content_sha256") or dataset_hash(content_hashes(records))
+    return {
+        "dataset": str(records.attrs.get("dataset", "")),
+        "dataset_version": str(records.attrs.get("version", "")),
+        "dataset_content_sha256": str(content),
+    }
+
+
+def _result(outcome: TrainingOutcome) -> dict[str, Any]:
+    progress = outcome.progress
+    return {
+        "epochs": progress.epoch,
+        "seconds": round(progress.seconds, 3),
+        "best_epoch": progress.best_epoch,
+        "best_validation_loss": progress.best_loss,
+        "ended_by": outcome.reason,
+    }
+
+
+def _environment(device: torch.device) -> dict[str, Any]:
+    return {
+        "granbench": __version__,
+        "torch": torch.__version__,
+        "device": str(device),
+        "threads": torch.get_num_threads(),
+        "machine": platform.machine(),
+    }

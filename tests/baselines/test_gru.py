@@ -1,0 +1,93 @@
+"""The GRU: one set of weights, two ways to run it; and what it can and cannot know."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+import xarray as xr
+from plane_records import plane_records
+
+from granbench.baseline import TrainingRequest
+from granbench.baselines.gru import BASELINE, GruBaseline, GruCell, GruConfiguration, GruNetwork
+from granbench.baselines.training import Recipe
+from granbench.baselines.training.history import read_history
+from granbench.data.adapters import conditions_of, history_of
+from granbench.data.splits import select_split
+from granbench.errors import ModelError
+from granbench.protocols import rollout
+
+
+@pytest.fixture(scope="module")
+def j2() -> xr.Dataset:
+    return plane_records("gp-j2")
+
+
+def network_for(records: xr.Dataset) -> GruNetwork:
+    network = BASELINE.seeded_network(BASELINE.fitted_to(GruConfiguration(), records), seed=0)
+    BASELINE.scale(network, select_split(records, "train"))
+    return network
+
+
+def test_parameter_count_is_that_of_the_thesis() -> None:
+    first = 3 * (30 * 3 + 30 * 30 + 2 * 30)
+    second = 3 * (30 * 30 + 30 * 30 + 2 * 30)
+    network = GruNetwork(GruConfiguration())
+    assert GruCell(network, "gru").parameters_count() == first + second + 3 * 30 + 3 == 8823
+
+
+def test_stepping_the_cell_agrees_with_the_fused_network(j2: xr.Dataset) -> None:
+    network = network_for(j2)
+    paths = torch.arange(j2.sizes["path"])
+    increments, _ = next(BASELINE.source(network, j2, torch.device("cpu")).batches(paths, 1000))
+    with torch.no_grad():
+        fused = network(increments) * network.stress_scale + network.stress_mean
+    stepped = rollout(GruCell(network, "gru"), j2)["stress"][:, 1:].float()
+    # float32: forty recurrent steps lose about one digit of its seven.
+    assert (stepped - fused).abs().amax((0, 1)).lt(1e-5 * network.stress_scale).all()
+
+
+def test_the_stress_is_read_from_the_hidden_state_alone(j2: xr.Dataset) -> None:
+    cell = GruCell(network_for(j2), "gru")
+    history = history_of(j2, cell.dtype)
+    other = replace(history, stress=history.stress + 1e5)
+    hidden = cell.layout["hidden"]
+    assert torch.equal(cell.condition(history)[:, hidden], cell.condition(other)[:, hidden])
+
+
+def test_a_gru_works_in_the_components_of_its_records(records: xr.Dataset, tmp_path: Path) -> None:
+    folder = BASELINE.train(TrainingRequest(records, tmp_path, epochs=1))
+    cell = BASELINE.load(folder, records)
+    assert cell.order == "principal"
+    assert cell.rollout(history_of(records).strain, conditions_of(records)).stress.isfinite().all()
+
+
+def test_a_gru_learns_a_few_paths(j2: xr.Dataset, tmp_path: Path) -> None:
+    few = j2.isel(path=[0, 1, int((j2["split"].values == "validation").argmax())])
+    recipe = Recipe(
+        batch_size=2, learning_rate=2e-2, schedule="one-cycle", largest_gradient=1.0, epochs=150
+    )
+    baseline = GruBaseline("gru", "overfitting", {"tiny": (GruConfiguration(), recipe)})
+    losses = read_history(baseline.train(TrainingRequest(few, tmp_path)))
+    assert losses[-1].training_loss < 1e-2 * losses[0].training_loss
+
+
+def test_the_trained_cell_has_the_validation_loss_of_its_best_epoch(
+    j2: xr.Dataset, tmp_path: Path
+) -> None:
+    folder = BASELINE.train(TrainingRequest(j2, tmp_path, epochs=3))
+    cell = BASELINE.load(folder, j2)
+    truth = select_split(j2, "validation")
+    error = (rollout(cell, truth)["stress"] - history_of(truth).stress)[:, 1:]
+    loss = (error / cell.network.stress_scale).square().mean().item()
+    best = min(report.validation_loss for report in read_history(folder))
+    assert loss == pytest.approx(best, rel=1e-4)  # float32 sums in another order
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [({"order": "polar"}, "polar"), ({"hidden": 0}, "hidden"), ({"depth": 2}, "depth")],
+)
+def test_impossible_architecture_is_refused(wrong: dict, named: str) -> None:
+    with pytest.raises(ModelError, match=named):
+        GruConfiguration.of(wrong)
