@@ -29,6 +29,7 @@ class OracleCell(MaterialCell):
     """
 
     name = "oracle"
+    reads_records = True
 
     def __init__(self, records: xr.Dataset) -> None:
         self.order = component_order(tuple(map(str, records["component"].values)))

@@ -9,7 +9,7 @@ import json
 import sys
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -34,12 +34,14 @@ class Candidate:
     cells : its material cell for each seed
     baseline : the registered baseline that it is, if it is one
     training_data : what it was trained on, as far as its files say
+    training_seconds : how long each seed was trained, as far as its files say
     """
 
     name: str
     cells: Mapping[int, MaterialCell]
     baseline: Baseline | None = None
     training_data: str | None = None
+    training_seconds: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def trained(self) -> bool:
@@ -121,7 +123,12 @@ def _trained(
     cells = {
         seed: baseline.load(folder, records) for seed, folder in zip(labels, folders, strict=True)
     }
-    return Candidate(name, cells, baseline, _training_data(folders, records))
+    times = {
+        seed: float(seconds)
+        for seed, folder in zip(labels, folders, strict=True)
+        if isinstance(seconds := _training(folder).get("seconds"), int | float)
+    }
+    return Candidate(name, cells, baseline, _training_data(folders, records), times)
 
 
 def _closed_form(model: str, records: xr.Dataset, seeds: Sequence[int] | None) -> Candidate:

@@ -142,6 +142,8 @@ class MaterialCell(abc.ABC):
     dtype : floating type of state and stress
     layout : named slices of the state; it always has a slice `stress`
     internals : names of one-wide slices that predict the dataset variable of the same name
+    reads_records : whether it reads its answers from records instead of computing them from the
+        increment, as the oracle does; then it has none where the strain is not the recorded one
     """
 
     name: str
@@ -149,6 +151,7 @@ class MaterialCell(abc.ABC):
     dtype: torch.dtype = torch.float64
     layout: StateLayout
     internals: tuple[str, ...] = ()
+    reads_records: bool = False
 
     @property
     def component_count(self) -> int:

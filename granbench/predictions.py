@@ -1,10 +1,12 @@
 """The predictions schema: what a model said about every path, under every protocol.
 
 One netCDF file a model: `stress` (seed, protocol, path, step, component) and, where the model
-has it, `void_ratio` (seed, protocol, path, step), with the record's path coordinates. Values are
-stored with `KEEP_BITS` bits of mantissa; NaN means that the run broke down there. Scores are
-computed from the stored values against the truth rounded alike, so that anybody reproduces them
-from the file, and a perfect model scores exactly zero.
+has it, `void_ratio` (seed, protocol, path, step), with the record's path coordinates; for a
+dataset that a model made, `noised_truth`, that model along the noised strain; and the responses to
+the checks of the physics axis and the timings of the cost axis, see `LAYOUT`. Values are stored
+with `KEEP_BITS` bits of mantissa; NaN means that the run broke down there. Scores are computed
+from the stored values against the truth rounded alike, so that anybody reproduces them from the
+file, and a perfect model scores exactly zero.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,7 +16,10 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from granbench.axes import NOISE_PROTOCOLS, PROTOCOLS
+from granbench.checks import STRESS_CHECKS
 from granbench.errors import ConfigurationError, SubmissionError
+from granbench.rounding import keep_mantissa
 from granbench.whole_file import whole_file
 
 KEEP_BITS = 15
@@ -25,73 +30,64 @@ training standard deviation, far below what single steps of a good network show,
 prediction stays below 4 MB.
 """
 
-WINDOW_STEPS = 20
-"""Predicted steps of a window (Sec 2.2.3)."""
+GROUND_TRUTH = "ground_truth"
+"""Global attribute of a dataset that a model made: JSON, the model and its parameters."""
 
 SCORED_INTERNALS = ("void_ratio",)
 """Internal variables that are kept beside the stress; the others no metric asks for."""
+
+PHYSICS_OBSTACLES = "physics_not_applicable"
+"""Global attribute where the physics axis was run: JSON, why a check does not apply, by name."""
 
 PATH_COORDINATES = ("path_id", "specimen", "split", "loading_family")
 
 
 @dataclass(frozen=True)
-class ProtocolSpec:
-    """How predictions of one protocol are made, and so which steps count.
+class Stored:
+    """A variable of the file.
 
     Parameters
     ----------
-    name : label in the files
-    axis : the benchmark axis that it belongs to
-    title : for people
-    restart : steps after which the true record is given again; None for never
-    noise : amplitude xi of Eq 5.13
+    dims : names of its dimensions
+    units : SI
+    long_name : what it is
+    exact : whether it is kept as it is, not rounded to `KEEP_BITS`
     """
 
-    name: str
-    axis: str
-    title: str
-    restart: int | None = None
-    noise: float = 0.0
-
-    @property
-    def first_predicted_step(self) -> int:
-        """Steps before this one are context and are never counted."""
-        return 1
-
-    def horizon(self, steps: int) -> np.ndarray:
-        """Steps since truth was last given, (step,), int; 0 at the context step."""
-        step = np.arange(steps)
-        if self.restart is None:
-            return step
-        return np.where(step == 0, 0, (step - 1) % self.restart + 1)
+    dims: tuple[str, ...]
+    units: str
+    long_name: str
+    exact: bool = False
 
 
-PROTOCOLS: dict[str, ProtocolSpec] = {
-    spec.name: spec
-    for spec in (
-        ProtocolSpec("single-step", "single-step", "Single step", restart=1),
-        ProtocolSpec("window", "window", f"Windows of\u00a0{WINDOW_STEPS}", restart=WINDOW_STEPS),
-        ProtocolSpec("rollout", "rollout", "Whole-path rollout"),
-        ProtocolSpec("noise-0.2", "noise", "Rollout, noise ξ\u00a0=\u00a00.2", noise=0.2),
-        ProtocolSpec("noise-0.5", "noise", "Rollout, noise ξ\u00a0=\u00a00.5", noise=0.5),
-        ProtocolSpec("noise-1.0", "noise", "Rollout, noise ξ\u00a0=\u00a01", noise=1.0),
-    )
+_CHECKED = ("seed", "checked_path")
+LAYOUT: dict[str, Stored] = {
+    "stress": Stored(
+        ("seed", "protocol", "path", "step", "component"),
+        "Pa",
+        "predicted stress, compression positive",
+    ),
+    "void_ratio": Stored(("seed", "protocol", "path", "step"), "1", "predicted void ratio"),
+    "noised_truth": Stored(
+        ("seed", "noise", "path", "step", "component"),
+        "Pa",
+        "stress of the ground truth along the noised strain, compression positive",
+    ),
+    "stress_change": Stored(
+        ("seed", "check", "checked_path", "component"), "Pa", "largest violation of a check"
+    ),
+    "tangent_error": Stored(_CHECKED, "1", "largest relative error of the tangent"),
+    "kink_share": Stored(_CHECKED, "1", "share of the checked points without a derivative"),
+    "cycle_work": Stored(_CHECKED, "Pa", "work that a closed strain cycle consumes, J/m3"),
+    "tension_share": Stored(_CHECKED, "1", "share of steps with a tensile mean stress"),
+    "parameters": Stored(("seed",), "1", "trained or fitted parameters", exact=True),
+    "training_seconds": Stored(("seed",), "s", "time of training; NaN: not known"),
+    "update_seconds": Stored(("seed", "points"), "s", "CPU time of one update of one point"),
+    "truth_update_seconds": Stored(
+        ("seed", "points"), "s", "the same of the ground truth, in the same process"
+    ),
 }
-AXES: tuple[str, ...] = tuple(dict.fromkeys(spec.axis for spec in PROTOCOLS.values()))
-
-
-def protocols_of(axes: Iterable[str]) -> tuple[ProtocolSpec, ...]:
-    """The protocols of some axes, in the order of `PROTOCOLS`.
-
-    Raises
-    ------
-    ConfigurationError
-        If an axis is unknown.
-    """
-    wanted = set(axes)
-    if unknown := sorted(wanted - set(AXES)):
-        raise ConfigurationError(f"unknown axis {unknown[0]!r}; use {', '.join(AXES)}")
-    return tuple(spec for spec in PROTOCOLS.values() if spec.axis in wanted)
+"""Every variable that a predictions file may hold."""
 
 
 def quantise(values: np.ndarray) -> np.ndarray:
@@ -100,15 +96,7 @@ def quantise(values: np.ndarray) -> np.ndarray:
     Applying it twice changes nothing. Magnitudes that float32 cannot hold become NaN: a model
     that reaches them has broken down.
     """
-    with np.errstate(over="ignore"):
-        single = np.ascontiguousarray(values, dtype=np.float32)
-    drop = np.uint32(23 - KEEP_BITS)
-    bits = single.view(np.uint32)
-    half = (np.uint32(1) << (drop - np.uint32(1))) - np.uint32(1)
-    rounded = bits + half + ((bits >> drop) & np.uint32(1))
-    rounded &= ~((np.uint32(1) << drop) - np.uint32(1))
-    result = rounded.view(np.float32)
-    return np.where(np.isfinite(single) & np.isfinite(result), result, np.float32(np.nan))
+    return keep_mantissa(values, KEEP_BITS)
 
 
 def evaluated(dataset: xr.Dataset) -> xr.Dataset:
@@ -131,51 +119,35 @@ def evaluated(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def assemble(
-    stress: np.ndarray,
-    internals: Mapping[str, np.ndarray],
+    predicted: Mapping[str, np.ndarray],
     *,
     dataset: xr.Dataset,
     seeds: Iterable[int],
     protocols: Iterable[str],
-    attrs: Mapping[str, str],
+    attrs: Mapping[str, str | int],
+    others: Iterable[xr.Dataset] = (),
 ) -> xr.Dataset:
     """Predictions in their layout, quantised.
 
     Parameters
     ----------
-    stress : (seed, protocol, path, step, component), Pa, compression positive
-    internals : each (seed, protocol, path, step) under its dataset name
+    predicted : `stress` (seed, protocol, path, step, component), Pa, compression positive, and
+        internal variables (seed, protocol, path, step); empty where there is no protocol
     dataset : the records that were predicted, in the same order of paths
     seeds, protocols : labels of the first two dimensions
     attrs : model, command and the like
+    others : further variables of `LAYOUT`, with their coordinates, for the same seeds
     """
     labels = list(protocols)
-    series = ("seed", "protocol", "path", "step")
-    variables: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]] = {
-        "stress": (
-            (*series, "component"),
-            quantise(stress),
-            {"units": "Pa", "long_name": "predicted stress, compression positive"},
-        )
-    }
-    for name, values in internals.items():
-        units = dataset[name].attrs.get("units", "1")
-        variables[name] = (
-            series,
-            quantise(values),
-            {"units": units, "long_name": f"predicted {name.replace('_', ' ')}"},
-        )
     coordinates = {
         "seed": ("seed", np.asarray(list(seeds), dtype=np.int64)),
-        "protocol": ("protocol", np.asarray(labels, dtype=object)),
         "component": ("component", dataset["component"].values.astype(object)),
-        "first_predicted_step": (
-            "protocol",
-            np.asarray([PROTOCOLS[label].first_predicted_step for label in labels], dtype=np.int64),
-        ),
+        **{name: ("path", dataset[name].values.astype(object)) for name in PATH_COORDINATES},
     }
-    for name in PATH_COORDINATES:
-        coordinates[name] = ("path", dataset[name].values.astype(object))
+    if labels:
+        first = [PROTOCOLS[label].first_predicted_step for label in labels]
+        coordinates["protocol"] = ("protocol", np.asarray(labels, dtype=object))
+        coordinates["first_predicted_step"] = ("protocol", np.asarray(first, dtype=np.int64))
     described = {
         "dataset": str(dataset.attrs.get("dataset", "")),
         "dataset_version": str(dataset.attrs.get("version", "")),
@@ -183,7 +155,18 @@ def assemble(
         "keep_bits": KEEP_BITS,
         **attrs,
     }
-    return xr.Dataset(variables, coordinates, described)
+    predictions = xr.Dataset({}, coordinates, described)
+    for name, values in predicted.items():
+        predictions[name] = (LAYOUT[name].dims, values)
+    for other in others:
+        predictions = predictions.assign(other.data_vars).assign_attrs(other.attrs)
+    for name, variable in predictions.data_vars.items():
+        stored = LAYOUT[str(name)]
+        attributes = {"units": stored.units, "long_name": stored.long_name}
+        values = variable.transpose(*stored.dims).values
+        kept = values.astype(np.float64) if stored.exact else quantise(values)
+        predictions[name] = (stored.dims, kept, attributes)
+    return predictions
 
 
 def write_predictions(predictions: xr.Dataset, path: Path) -> None:
@@ -196,9 +179,13 @@ def write_predictions(predictions: xr.Dataset, path: Path) -> None:
     """
     encoding = {}
     for name, variable in predictions.data_vars.items():
-        # One chunk a component keeps neighbours in time together, which compresses best.
-        chunks = [1, 1, *variable.shape[2:4], *([1] if variable.ndim == 5 else [])]
-        encoding[name] = {"zlib": True, "complevel": 6, "shuffle": True, "chunksizes": chunks}
+        encoding[name] = {"zlib": True, "complevel": 6, "shuffle": True}
+        if "step" in variable.dims:
+            # One chunk a component keeps neighbours in time together, which compresses best.
+            together = ("path", "step")
+            encoding[name]["chunksizes"] = [
+                size if dim in together else 1 for dim, size in variable.sizes.items()
+            ]
     with whole_file(path, SubmissionError, RuntimeError, size=predictions.nbytes) as partial:
         predictions.to_netcdf(partial, engine="netcdf4", encoding=encoding)
 
@@ -228,27 +215,42 @@ def open_predictions(path: Path) -> xr.Dataset:
 
 def _check_layout(predictions: xr.Dataset, path: Path) -> None:
     remedy = "run `granbench evaluate` again"
-    dims = ("seed", "protocol", "path", "step", "component")
-    for name in ("seed", "protocol", "component", *PATH_COORDINATES, "first_predicted_step"):
-        if name not in predictions.coords:
-            raise SubmissionError(f"{path} lacks the coordinate {name!r}; {remedy}")
-    if "stress" not in predictions:
+    predicts = "protocol" in predictions.dims
+    if predicts and "stress" not in predictions:
         raise SubmissionError(f"{path} lacks the variable 'stress'; {remedy}")
     for label, variable in predictions.data_vars.items():
         name = str(label)
-        expected = dims if name == "stress" else dims[:-1]
-        if variable.dims != expected:
+        if name not in LAYOUT:
+            raise SubmissionError(f"{path}: no score is made from {name!r}; {remedy}")
+        if variable.dims != LAYOUT[name].dims:
             raise SubmissionError(
-                f"{path}: {name!r} has dimensions {variable.dims}, expected {expected}; {remedy}"
+                f"{path}: {name!r} has dimensions {variable.dims}, expected "
+                f"{LAYOUT[name].dims}; {remedy}"
             )
         if variable.dtype.kind != "f":
             raise SubmissionError(f"{path}: {name!r} does not hold numbers; {remedy}")
-    for name in ("seed", "protocol", "path_id"):
-        values, counts = np.unique(predictions[name].values, return_counts=True)
+    labelled = {"seed", "path_id", *(str(dim) for dim in predictions.dims)} - {"path", "step"}
+    required = {*labelled, *PATH_COORDINATES} | ({"first_predicted_step"} if predicts else set())
+    for name in sorted(required):
+        if name not in predictions.coords:
+            raise SubmissionError(f"{path} lacks the coordinate {name!r}; {remedy}")
+    for name in sorted(labelled):
+        values, counts = np.unique(predictions[name].values.astype(str), return_counts=True)
         if (counts > 1).any():
             raise SubmissionError(
                 f"{path}: {name} {values[counts > 1][0]!s} appears more than once; {remedy}"
             )
+    if predicts:
+        _check_protocols(predictions, path)
+    for dim, known in (("noise", NOISE_PROTOCOLS), ("check", STRESS_CHECKS)):
+        if dim in predictions.dims and not set(predictions[dim].values) <= set(known):
+            raise SubmissionError(
+                f"{path}: {dim} may be {', '.join(known)}, not "
+                f"{', '.join(map(str, predictions[dim].values))}; {remedy}"
+            )
+
+
+def _check_protocols(predictions: xr.Dataset, path: Path) -> None:
     for label, first in zip(
         predictions["protocol"].values,
         predictions["first_predicted_step"].values,
@@ -261,5 +263,6 @@ def _check_layout(predictions: xr.Dataset, path: Path) -> None:
         if first != PROTOCOLS[label].first_predicted_step:
             raise SubmissionError(
                 f"{path}: protocol {label} counts from step {first}, but the benchmark counts "
-                f"from step {PROTOCOLS[label].first_predicted_step}; {remedy}"
+                f"from step {PROTOCOLS[label].first_predicted_step}; run `granbench evaluate` "
+                "again"
             )

@@ -7,6 +7,8 @@ torch tensors or xarray's underlying arrays alike, and returns the same kind.
 
 from typing import Any
 
+import numpy as np
+
 from granbench.errors import ConfigurationError
 
 Array = Any  # numpy.ndarray or torch.Tensor: only arithmetic and indexing are used
@@ -124,6 +126,36 @@ def frobenius_norm(tensor: Array, order: str = "principal") -> Array:
     diagonal, shear = _diagonal_and_shear(tensor, order)
     squares = sum(component**2 for component in diagonal)
     return (squares + sum(2.0 * component**2 for component in shear)) ** 0.5
+
+
+def component_rotation(rotation: np.ndarray, order: str) -> np.ndarray:
+    """Matrix L that turns components of a tensor: L @ t are those of Q t Q^T.
+
+    Parameters
+    ----------
+    rotation : Q, orthogonal, (2, 2) in the `plane` order, else (3, 3); reflections are allowed
+    order : component order
+
+    Returns
+    -------
+    (component, component)
+
+    Raises
+    ------
+    ConfigurationError
+        If a `principal` tensor would get shear components: its axes can only be exchanged.
+    """
+    labels = COMPONENT_ORDERS[order]
+    places = [tuple("xyz123".index(letter) % 3 for letter in label) for label in labels]
+    if order == "principal" and not np.isin(np.abs(rotation), (0.0, 1.0)).all():
+        raise ConfigurationError("principal components can be exchanged, but not turned")
+    matrix = np.empty((len(labels), len(labels)))
+    for row, (i, j) in enumerate(places):
+        for column, (k, m) in enumerate(places):
+            entry = rotation[i, k] * rotation[j, m]
+            # A shear component is both of its entries.
+            matrix[row, column] = entry if k == m else entry + rotation[i, m] * rotation[j, k]
+    return matrix
 
 
 def plane_components(

@@ -12,18 +12,20 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from granbench import __version__
+from granbench.axes import PROTOCOLS
+from granbench.checks import CHECKS
 from granbench.data.replicates import ReplicateScatter
 from granbench.errors import ConfigurationError, SubmissionError
 from granbench.leaderboard.board import Row, slug
 from granbench.leaderboard.chart import horizon_chart
+from granbench.leaderboard.laws_and_cost import cost_table, physics_table
 from granbench.leaderboard.tables import (
     FAMILY_METRICS,
-    METRICS_SHOWN,
     family_table,
     lines_of,
     main_table,
+    metrics_shown,
 )
-from granbench.predictions import PROTOCOLS
 from granbench.scoring import METRIC_VERSION
 from granbench.scoring.scorecard import ALL
 from granbench.whole_file import cannot_write
@@ -151,14 +153,11 @@ def _page(
 ) -> dict[str, Any]:
     submissions = [row.submission for row in board]
     scores = [score for submission in submissions for score in submission.scores]
-    splits = list(dict.fromkeys(score.split for score in scores))
+    splits = list(dict.fromkeys(score.split for score in scores if score.split != ALL))
+    shown = metrics_shown(submissions)
     name = slug(f"{task}-{version}")
     floor = scatter.floor_mse if scatter else None
-    views = [
-        main_table(submissions, split, metric, floor)
-        for split in splits
-        for metric in METRICS_SHOWN
-    ]
+    views = [main_table(submissions, split, metric, floor) for split in splits for metric in shown]
     return {
         "task": task,
         "version": version,
@@ -169,6 +168,7 @@ def _page(
                 "name": split,
                 "paths": next(s.n for s in scores if s.split == split and s.group == ALL and s.n),
                 "charts": _charts(submissions, split, floor),
+                "physics": physics_table(submissions, split),
                 "families": [
                     table
                     for metric in FAMILY_METRICS
@@ -177,7 +177,9 @@ def _page(
             }
             for split in splits
         ],
-        "metrics": METRICS_SHOWN,
+        "metrics": shown,
+        "checks": CHECKS.values(),
+        "cost": cost_table(submissions),
         "views": views,
         "submissions": sorted(submissions, key=lambda item: (item.role != "model", item.name)),
         "dataset": submissions[0].dataset,

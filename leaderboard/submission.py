@@ -36,7 +36,7 @@ class DatasetReference(_Record):
     """The dataset that was scored on, to the last bit."""
 
     name: Line
-    version: Annotated[str, StringConstraints(pattern=r"^\d+\.\d+\.\d+$")]
+    version: Annotated[str, StringConstraints(pattern=r"^\d+\.\d+\.\d+(\+[0-9A-Za-z.-]+)?$")]
     content_sha256: Sha256 = Field(description="hash of its values")
     split_sha256: Sha256 = Field(description="hash of its frozen split")
 

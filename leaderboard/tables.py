@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 from markupsafe import Markup, escape
 
+from granbench.axes import PROTOCOLS
 from granbench.leaderboard.chart import Line
 from granbench.leaderboard.submission import Submission
 from granbench.plotting.style import LINE_STYLES, model_styles
-from granbench.predictions import PROTOCOLS
 from granbench.scoring import Score
 from granbench.scoring.metrics import metrics
 from granbench.scoring.scorecard import ALL
 
-_TITLES = {metric.name: metric.title for metric in metrics([])}
+_TITLES = {metric.name: metric.title for metric in metrics([], "noise")}
 METRICS_SHOWN: dict[str, str] = {
     name: _TITLES[name]
     for name in (
@@ -30,6 +30,10 @@ METRICS_SHOWN: dict[str, str] = {
         "failed_share",
     )
 }
+RECOMPUTED_METRICS: dict[str, str] = {
+    name: _TITLES[name] for name in ("recomputed_mse_mean", "recomputed_mse_worst")
+}
+"""Shown where a model made the records, so that there is a truth along noised strain."""
 FAMILY_METRICS = ("stress_mse_mean", "relative_error_mean")
 SHARES = ("error_point_share", "diverged_share", "failed_share", "relative_error_mean")
 RANKED_PROTOCOL = "rollout"
@@ -93,6 +97,16 @@ class Table:
         return None
 
 
+def metrics_shown(submissions: Sequence[Submission]) -> dict[str, str]:
+    """Metrics that a page offers, with their titles."""
+    recomputed = any(
+        score.metric in RECOMPUTED_METRICS and score.value is not None
+        for submission in submissions
+        for score in submission.scores
+    )
+    return METRICS_SHOWN | (RECOMPUTED_METRICS if recomputed else {})
+
+
 def main_table(
     submissions: Sequence[Submission], split: str, metric: str, floor: float | None
 ) -> Table:
@@ -115,7 +129,7 @@ def main_table(
         for spec in PROTOCOLS.values()
     )
     scatter = TableRow("replicate scatter", "", None, cells)
-    return replace(table, rows=_ordered([*table.rows, scatter], table.ordered_by))
+    return replace(table, rows=ordered([*table.rows, scatter], table.ordered_by))
 
 
 def family_table(submissions: Sequence[Submission], split: str, metric: str) -> Table | None:
@@ -247,12 +261,14 @@ def _table(
         metric,
         _TITLES[metric],
         tuple(title for title, _, _ in columns),
-        _ordered(rows, ranking),
+        ordered(rows, ranking),
         ranking,
     )
 
 
-def _ordered(rows: list[TableRow], column: int) -> tuple[TableRow, ...]:
+def ordered(rows: list[TableRow], column: int) -> tuple[TableRow, ...]:
+    """Rows by the number in one column, those without one last."""
+
     def rank(row: TableRow) -> tuple[bool, float, str]:
         value = row.cells[column].sort
         return (value is None, value or 0.0, row.name)

@@ -3,8 +3,10 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
 
+from granbench.axes import PROTOCOLS
 from granbench.data.normalisation import Normalisation
 from granbench.data.registry import entry
 from granbench.data.splits import split_hash
@@ -14,10 +16,14 @@ from granbench.leaderboard.submission import Submission, file_digest, read_submi
 from granbench.predictions import evaluated, open_predictions
 from granbench.scoring import METRIC_VERSION, Curve, Score, score
 from granbench.scoring.scorecard import Scorecard
+from granbench.scoring.statistics import align
 
 RELATIVE_TOLERANCE = 1e-6
 """Scores carry nine digits; sums in another order on another machine agree to twelve."""
 ABSOLUTE_TOLERANCE = 1e-15
+TRUTH_TOLERANCE = 1e-3
+"""By which a recomputed ground truth may differ, in training standard deviations or relative to a
+larger stress: machines round differently, and error control then takes other steps."""
 
 
 def validate(path: Path, dataset: xr.Dataset | None = None) -> Submission:
@@ -48,8 +54,10 @@ def validate(path: Path, dataset: xr.Dataset | None = None) -> Submission:
     _check_dataset(submission, records, path)
     predictions = _checked_predictions(submission, path)
     truth = evaluated(records)
-    card = score(predictions, truth, Normalisation.from_training(records))
+    normalisation = Normalisation.from_training(records)
+    card = score(predictions, truth, normalisation)
     _compare(submission, card, path)
+    _check_noised_truth(predictions, truth, normalisation, path)
     if card.perfect and submission.role == "model":
         raise SubmissionError(
             f"{path}: every error is exactly zero, which only the truth itself can be; submit "
@@ -119,6 +127,29 @@ def _checked_predictions(submission: Submission, path: Path) -> xr.Dataset:
             "`granbench evaluate` again"
         )
     return predictions
+
+
+def _check_noised_truth(
+    predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation, path: Path
+) -> None:
+    """Refuse a stored ground truth that the ground truth does not give (its values are scored)."""
+    if "noised_truth" not in predictions:
+        return
+    from granbench.protocols import noised_truth
+
+    records = align(truth, predictions)
+    for seed in predictions["seed"].values:
+        for name in predictions["noise"].values:
+            stored = predictions["noised_truth"].sel(seed=seed, noise=name).values
+            again = noised_truth(records, PROTOCOLS[name], int(seed))
+            scale = np.maximum(np.abs(again), normalisation.std["stress"])
+            difference = np.abs(stored - again) / scale
+            same = np.isnan(stored) == np.isnan(again)
+            if not same.all() or np.nanmax(difference, initial=0.0) > TRUTH_TOLERANCE:
+                raise SubmissionError(
+                    f"{path}: the predictions' ground truth for {name}, seed {seed}, is not what "
+                    "the ground truth gives; run `granbench evaluate` again"
+                )
 
 
 def _compare(submission: Submission, card: Scorecard, path: Path) -> None:

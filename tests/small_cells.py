@@ -67,6 +67,7 @@ class Oracle(MaterialCell):
     name = "oracle"
     layout = StateLayout.of(stress=3, void_ratio=1, path=1, at=1)
     internals = ("void_ratio",)
+    reads_records = True
 
     def __init__(self, dataset: xr.Dataset) -> None:
         self.stress = torch.from_numpy(dataset["stress"].values).double()

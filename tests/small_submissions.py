@@ -4,10 +4,11 @@ from pathlib import Path
 
 import xarray as xr
 
+from granbench.axes import AXES
 from granbench.cell import MaterialCell
 from granbench.leaderboard.composition import compose
 from granbench.leaderboard.submission import About
-from granbench.predictions import AXES, evaluated
+from granbench.predictions import evaluated
 from granbench.protocols import predict
 
 

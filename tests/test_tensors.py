@@ -10,6 +10,7 @@ from granbench.errors import ConfigurationError
 from granbench.tensors import (
     COMPONENT_ORDERS,
     component_order,
+    component_rotation,
     deviatoric_stress,
     intermediate_stress_ratio,
     lode_sin3,
@@ -34,6 +35,26 @@ def full(matrix: np.ndarray) -> np.ndarray:
 def rotation(seed: int) -> np.ndarray:
     q, r = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
     return q * np.sign(np.diag(r))
+
+
+@given(seeds, seeds)
+def test_components_turn_as_the_tensor_does(seed, turn):
+    matrix, turned = symmetric(seed), rotation(turn)
+    expected = full(turned @ matrix @ turned.T)
+    np.testing.assert_allclose(component_rotation(turned, "full") @ full(matrix), expected,
+                               atol=1e-9)  # fmt: skip
+    flat = np.linalg.qr(turned[:2, :2])[0]
+    plane = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 1]])
+    after = flat @ matrix[:2, :2] @ flat.T
+    np.testing.assert_allclose(component_rotation(flat, "plane") @ plane,
+                               [after[0, 0], after[1, 1], after[0, 1]], atol=1e-9)  # fmt: skip
+
+
+def test_principal_components_are_exchanged_but_not_turned():
+    swap = np.eye(3)[[1, 0, 2]]
+    assert (component_rotation(swap, "principal") @ [1.0, 2.0, 3.0] == [2.0, 1.0, 3.0]).all()
+    with pytest.raises(ConfigurationError, match="exchanged"):
+        component_rotation(rotation(0), "principal")
 
 
 @given(seeds, seeds)

@@ -7,10 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from granbench.errors import ConfigurationError
 
@@ -18,19 +16,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from granbench.candidate import Candidate
-    from granbench.leaderboard.submission import Submission
-    from granbench.predictions import ProtocolSpec
-    from granbench.scoring import Score
-
-SHOWN = (
-    "stress_mse_mean",
-    "stress_mse_worst",
-    "void_ratio_mse_mean",
-    "relative_error_mean",
-    "error_point_share",
-    "failed_share",
-)
-HEADINGS = ("worst\npath", "void\nMSE", "relative\nerror", "error\npoints")
 
 HOUSE_AUTHORS = "The GranBench authors"
 HOUSE_LICENCE = "BSD-3-Clause"
@@ -48,7 +33,10 @@ def evaluate(
     ] = "dem-triaxial",
     axis: Annotated[
         list[str] | None,
-        typer.Option("--axis", help="single-step, window, rollout or noise; all by default."),
+        typer.Option(
+            "--axis",
+            help="single-step, window, rollout, noise, physics or cost; all by default.",
+        ),
     ] = None,
     model_dir: Annotated[
         list[Path] | None, typer.Option("--model-dir", help="Trained model; once for each seed.")
@@ -79,17 +67,18 @@ def evaluate(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
 ) -> None:
     """Score a model on every axis of a task and write its submission and predictions."""
+    from granbench.axes import AXES, chosen_axes
     from granbench.candidate import find_candidate
+    from granbench.cli.score_tables import tables
     from granbench.data.verification import task_file
     from granbench.leaderboard.composition import check_target, compose
     from granbench.leaderboard.submission import About, read_submission
-    from granbench.predictions import AXES, evaluated, protocols_of
-    from granbench.protocols import predict
+    from granbench.predictions import evaluated
+    from granbench.protocols import predict, progress_parts
     from granbench.records import open_records
 
     numbers = _numbers(seeds)
-    axes = tuple(axis or AXES)
-    protocols = protocols_of(axes)
+    axes = chosen_axes(axis or AXES)
     check_target(out)
     others = [read_submission(path) for path in against or ()]
     with open_records(task_file(task)) as records:
@@ -105,17 +94,18 @@ def evaluate(
             licence=licence or (HOUSE_LICENCE if candidate.baseline else "not stated"),
             command=_command(model, task, axis, model_dir, candidate.cells, out),
         )
-        runs = len(candidate.cells) * len(protocols)
+        runs = len(candidate.cells) * progress_parts(axes)
         with _bar(runs, about.name, quiet or as_json) as advance:
             predictions = predict(
-                candidate.cells, evaluated(records).load(), axes, progress=advance
-            )
+                candidate.cells, evaluated(records).load(), axes,
+                training_seconds=candidate.training_seconds, progress=advance,
+            )  # fmt: skip
         submission = compose(predictions, records, about, out)
     if as_json:
         typer.echo(out.read_text(encoding="utf-8"))
     elif not quiet:
         console = Console()
-        for table in _tables(submission, others):
+        for table in tables(submission, others):
             console.print(table)
         megabytes = submission.predictions.bytes / 1e6
         typer.echo(f"{out} and {submission.predictions.file} ({megabytes:.1f} MB) are written")
@@ -168,7 +158,7 @@ def _command(
 
 
 @contextmanager
-def _bar(runs: int, name: str, hidden: bool) -> Iterator["Callable[[int, ProtocolSpec], None]"]:
+def _bar(runs: int, name: str, hidden: bool) -> Iterator["Callable[[int, str], None]"]:
     console = Console(stderr=True)
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
@@ -177,67 +167,7 @@ def _bar(runs: int, name: str, hidden: bool) -> Iterator["Callable[[int, Protoco
     with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
         job = progress.add_task(f"evaluating {name}", total=runs)
 
-        def advance(seed: int, spec: "ProtocolSpec") -> None:
-            progress.update(job, advance=1, description=f"{name}, seed {seed}: {spec.title}")
+        def advance(seed: int, done: str) -> None:
+            progress.update(job, advance=1, description=f"{name}, seed {seed}: {done}")
 
         yield advance
-
-
-def _tables(submission: "Submission", others: Sequence["Submission"]) -> Iterator[Table]:
-    """The scores of each split, and beside them what the others scored; 80 columns suffice."""
-    for split in dict.fromkeys(score.split for score in submission.scores):
-        found = {
-            (score.protocol, score.metric): score
-            for score in submission.scores
-            if score.split == split and score.group == "all" and score.status != "not_run"
-        }
-        protocols = list(dict.fromkeys(p for p, metric in found if metric == "stress_mse_mean"))
-        paths = max(score.n for score in found.values())
-        yield _scores_table(
-            f"{submission.name} on {submission.task}, split {split}: {paths} paths, "
-            f"seeds {', '.join(map(str, submission.seeds))}",
-            {name: [found[name, metric] for metric in SHOWN] for name in protocols},
-        )
-        if others:
-            table = _plain_table(f"Stress MSE of others, split {split}")
-            for name in ("protocol", submission.name, *(other.name for other in others)):
-                table.add_column(name, justify="left" if name == "protocol" else "right")
-            for name in protocols:
-                main = found[name, "stress_mse_mean"]
-                table.add_row(name, _shown(main), *(_of_other(other, main) for other in others))
-            yield table
-
-
-def _scores_table(title: str, rows: dict[str, list["Score"]]) -> Table:
-    table = _plain_table(title)
-    table.add_column("protocol", no_wrap=True)
-    broken = any(scores[-1].value for scores in rows.values())
-    for heading in ("stress\nMSE", "95 %\ninterval", *HEADINGS, *(["failed"] if broken else [])):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for name, (main, worst, void_ratio, *shares, failed) in rows.items():
-        table.add_row(
-            name, _shown(main), _interval(main), _shown(worst), _shown(void_ratio),
-            *(_shown(share, percent=True) for share in [*shares, *([failed] if broken else [])]),
-        )  # fmt: skip
-    return table
-
-
-def _plain_table(title: str) -> Table:
-    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-
-
-def _shown(score: "Score", percent: bool = False) -> str:
-    if score.value is None:
-        return "n/a"
-    return f"{100.0 * score.value:.3g} %" if percent else f"{score.value:.3g}"
-
-
-def _interval(score: "Score") -> str:
-    if score.low is None or score.high is None:
-        return "–"
-    return f"{score.low:.2g}–{score.high:.2g}"
-
-
-def _of_other(other: "Submission", score: "Score") -> str:
-    same = [item for item in other.scores if item.key == score.key]
-    return _shown(same[0]) if same else "–"

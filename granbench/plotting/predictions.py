@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from granbench.axes import PROTOCOLS
 from granbench.errors import ConfigurationError
 from granbench.plotting.style import TRUTH, every, figure_grid, house_style, model_styles
-from granbench.predictions import PROTOCOLS
 from granbench.tensors import component_order, deviatoric_stress, mean_stress
 
 DOTS_PER_CURVE = 45
@@ -104,7 +104,7 @@ def prediction_figure(
     records : the truth
     predictions : of each model by name; the first seed is drawn
     paths : names (`path_id`)
-    protocol : label in `granbench.predictions.PROTOCOLS`
+    protocol : label in `granbench.axes.PROTOCOLS`
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Protocols: a material cell and a dataset to predictions."""
 
-from granbench.protocols.evaluation import predict
+from granbench.protocols.evaluation import noised_truth, predict, progress_parts
 from granbench.protocols.free_run import noise, rollout, window
 from granbench.protocols.single_step import single_step
 
-__all__ = ["noise", "predict", "rollout", "single_step", "window"]
+__all__ = ["noise", "noised_truth", "predict", "progress_parts", "rollout", "single_step", "window"]

@@ -7,9 +7,9 @@ import torch
 import xarray as xr
 from torch import Tensor
 
+from granbench.axes import WINDOW_STEPS
 from granbench.cell import MaterialCell
 from granbench.data.adapters import conditions_of
-from granbench.predictions import WINDOW_STEPS
 from granbench.protocols.surviving import Series, surviving_rollout
 
 

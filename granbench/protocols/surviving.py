@@ -47,7 +47,7 @@ def surviving_rollout(cell: MaterialCell, strain: Tensor, conditions: Conditions
 
     paths, steps, components = strain.shape
     widths = {"stress": (components,), **{name: () for name in cell.internals}}
-    series = _surviving(run, slice(0, paths), steps, widths)
+    series = surviving(run, slice(0, paths), steps, widths)
     alive = torch.cumprod(_finite(series).to(torch.int64), dim=1).to(torch.bool)
     return _masked(series, alive)
 
@@ -70,7 +70,7 @@ def surviving_states(cell: MaterialCell, history: History) -> Tensor:
         return {"state": cell.condition_each(record.until(steps - 1))}
 
     paths, steps = history.strain.shape[:2]
-    return _surviving(run, slice(0, paths), steps, {"state": (cell.layout.size,)})["state"]
+    return surviving(run, slice(0, paths), steps, {"state": (cell.layout.size,)})["state"]
 
 
 def surviving_step(cell: MaterialCell, dstrain: Tensor, state: Tensor) -> Series:
@@ -93,11 +93,38 @@ def surviving_step(cell: MaterialCell, dstrain: Tensor, state: Tensor) -> Series
 
     points, components = dstrain.shape
     widths = {"stress": (components,), **{name: () for name in cell.internals}}
-    series = _surviving(run, slice(0, points), None, widths)
+    series = surviving(run, slice(0, points), None, widths)
     return _masked(series, _finite(series))
 
 
-def _surviving(
+def surviving_course(cell: MaterialCell, strain: Tensor, conditions: Conditions) -> Series:
+    """Stress and state along whole paths, NaN from the step at which a path breaks down.
+
+    Parameters
+    ----------
+    strain, conditions : as in `surviving_rollout`
+
+    Returns
+    -------
+    `stress` (path, step, component) and `state` (path, step, n_state), float64
+    """
+
+    def run(points: slice, steps: int) -> Series:
+        given = conditions_at(conditions, points)
+        states = [cell.initial_state(given)]
+        stresses = [given.stress.to(cell.dtype)]
+        for dstrain in strain[points, :steps].diff(dim=1).to(cell.dtype).unbind(dim=1):
+            stress, state = cell.step(dstrain, states[-1])
+            stresses.append(stress)
+            states.append(state)
+        return {"stress": torch.stack(stresses, dim=1), "state": torch.stack(states, dim=1)}
+
+    paths, steps, components = strain.shape
+    widths = {"stress": (components,), "state": (cell.layout.size,)}
+    return surviving(run, slice(0, paths), steps, widths)
+
+
+def surviving(
     run: Callable[[slice, int], Series],
     points: slice,
     steps: int | None,
@@ -106,7 +133,18 @@ def _surviving(
     """`run` over points and steps; what raises a floating failure is isolated and NaN.
 
     Points are halved until the failing one is alone, its longest run that does not raise is
-    found by bisection. `steps` is None where the result has no step dimension.
+    found by bisection.
+
+    Parameters
+    ----------
+    run : (points, number of steps) -> series, each (point, step, ...)
+    points : all of them
+    steps : how many there are; None where the result has no step dimension
+    widths : of each series, what follows the point and step dimensions
+
+    Returns
+    -------
+    The series, float64
     """
     try:
         return {name: values.double() for name, values in run(points, steps or 1).items()}
@@ -115,7 +153,7 @@ def _surviving(
     if count > 1:
         middle = points.start + count // 2
         halves = [
-            _surviving(run, half, steps, widths)
+            surviving(run, half, steps, widths)
             for half in (slice(points.start, middle), slice(middle, points.stop))
         ]
         return {name: torch.cat([half[name] for half in halves]) for name in widths}

@@ -8,10 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from granbench.predictions import ProtocolSpec
+from granbench.axes import ProtocolSpec
 from granbench.scoring.bootstrap import weighted_mean, weighted_median
 
-METRIC_VERSION = "1.0"
+METRIC_VERSION = "1.1"
+"""1.0: the errors along recorded paths. 1.1: besides them the physics axis, the cost axis, and
+noise against the recomputed truth; what 1.0 defined is unchanged."""
+
+
+RECOMPUTED = "recomputed_"
+"""Begins the statistics against the truth along the noised strain."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +45,21 @@ class Metric:
     component: int | None = None
     needs_free_run: bool = False
 
-    def obstacle(self, protocol: ProtocolSpec, statistics: list[str]) -> str | None:
-        """Why the metric does not apply to a protocol and a model, or None."""
+    def obstacle(
+        self, protocol: ProtocolSpec, statistics: list[str], no_noised_truth: str | None
+    ) -> str | None:
+        """Why the metric does not apply to a protocol and a model, or None.
+
+        Parameters
+        ----------
+        protocol : that the predictions were made by
+        statistics : those that there are of it
+        no_noised_truth : why there is no truth for noised strain, or None
+        """
         if self.needs_free_run and protocol.restart is not None:
             return "the true record is given again before a run can diverge"
+        if self.statistic.startswith(RECOMPUTED) and no_noised_truth is not None:
+            return no_noised_truth
         if self.statistic not in statistics:
             return "the model does not predict the void ratio"
         return None
@@ -75,9 +92,15 @@ class Metric:
         return None
 
 
-def metrics(components: list[str]) -> tuple[Metric, ...]:
-    """Every metric of this version for records with the given component labels."""
-    return (
+def metrics(components: list[str], axis: str) -> tuple[Metric, ...]:
+    """Every metric of this version for an axis whose predictions are compared with records.
+
+    Parameters
+    ----------
+    components : labels of the stress components
+    axis : on the noise axis there are metrics against the recomputed truth, too
+    """
+    found = (
         Metric("stress_mse_mean", "Stress MSE", "stress_squared_error", "mean", by_family=True),
         Metric(
             "stress_mse_median", "Stress MSE, median path", "stress_squared_error", "median",
@@ -120,3 +143,41 @@ def metrics(components: list[str]) -> tuple[Metric, ...]:
         ),
         Metric("failed_share", "Broken down", "failed", "mean"),
     )  # fmt: skip
+    return found + NOISE_METRICS if axis == "noise" else found
+
+
+NOISE_METRICS: tuple[Metric, ...] = (
+    Metric(
+        "recomputed_mse_mean", "Stress MSE, recomputed truth", "recomputed_squared_error", "mean",
+        by_family=True,
+    ),
+    Metric(
+        "recomputed_mse_median", "Stress MSE, recomputed truth, median path",
+        "recomputed_squared_error", "median",
+    ),
+    Metric(
+        "recomputed_mse_worst", "Stress MSE, recomputed truth, worst path",
+        "recomputed_squared_error", "worst",
+    ),
+    Metric(
+        "recomputed_relative_error_mean", "Relative stress error, recomputed truth",
+        "recomputed_relative_error", "mean",
+    ),
+    Metric(
+        "recomputed_error_point_share", "Error points, recomputed truth",
+        "recomputed_error_point_share", "mean",
+    ),
+)  # fmt: skip
+"""Against the ground truth, recomputed along the noised strain (Eq 5.13)."""
+
+PHYSICS_METRICS: tuple[Metric, ...] = (
+    Metric("violation_mean", "Violation", "violation", "mean"),
+    Metric("violation_worst", "Violation, worst path", "violation", "worst"),
+    Metric("violated_share", "Paths beyond the tolerance", "violated", "mean"),
+)
+"""Of every check."""
+
+TANGENT_METRICS: tuple[Metric, ...] = (
+    Metric("kink_share", "Points without a derivative", "kink_share", "mean"),
+)
+"""Of the tangent check besides."""

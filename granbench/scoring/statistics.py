@@ -3,9 +3,10 @@
 import numpy as np
 import xarray as xr
 
+from granbench.axes import PROTOCOLS
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
-from granbench.predictions import PROTOCOLS, quantise
+from granbench.predictions import quantise
 
 CEILING = 10.0
 """Largest error that counts: ten training standard deviations, or ten times the true stress.
@@ -40,7 +41,7 @@ def align(truth: xr.Dataset, predictions: xr.Dataset) -> xr.Dataset:
             f"is {missing[0]!r}; predict every path of the test and ood splits"
         )
     ordered = truth.isel(path=[position[name] for name in predicted])
-    if predictions.sizes["step"] != truth.sizes["step"]:
+    if predictions.sizes.get("step", truth.sizes["step"]) != truth.sizes["step"]:
         raise SubmissionError(
             f"the predictions have {predictions.sizes['step']} steps a path, the records have "
             f"{truth.sizes['step']}; predict every step"
@@ -80,15 +81,39 @@ def path_statistics(
     - `failed`: 1 where the run broke down (NaN) at some predicted step;
     - `step_squared_error` (.., step): squared normalised stress error, mean over components.
 
+    and, over (seed, noise, path), `recomputed_squared_error`, `recomputed_relative_error` and
+    `recomputed_error_point_share`: the same as `stress_squared_error`, `relative_error` and
+    `error_point_share`, but against the ground truth along the noised strain, over the steps that
+    it can follow. What the predictions lack is left out.
+
     Raises
     ------
     SubmissionError
         If the predictions do not fit the records.
     """
     truth = align(truth, predictions)
-    counted = slice(1, None)  # every protocol's first predicted step, checked when opened
-    predicted = quantise(predictions["stress"].values)[..., counted, :].astype(np.float64)
-    true = quantise(truth["stress"].values)[..., counted, :].astype(np.float64)
+    columns = {}
+    if "stress" in predictions:
+        columns |= _against_records(predictions, truth, normalisation)
+    if "noised_truth" in predictions:
+        columns |= _against_noised_truth(predictions, normalisation)
+    labelled = ("seed", "protocol", "noise", "component")
+    paths = {
+        name: ("path", truth[name].values.astype(object))
+        for name in ("path_id", "specimen", "split", "loading_family")
+    }
+    coordinates = {dim: predictions[dim].values for dim in labelled if dim in predictions.coords}
+    steps = {"step": np.arange(1, truth.sizes["step"])} if "stress" in predictions else {}
+    return xr.Dataset(columns, coordinates | steps | paths)
+
+
+Columns = dict[str, tuple[tuple[str, ...], np.ndarray]]
+
+
+def _against_records(
+    predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation
+) -> Columns:
+    predicted, true = _counted(predictions["stress"]), _counted(truth["stress"])
     broken = np.logical_not(np.isfinite(predicted).all(axis=-1, keepdims=True))
 
     component_error = _squared(predicted, true, normalisation.std["stress"], broken)
@@ -100,7 +125,7 @@ def path_statistics(
 
     dims = ("seed", "protocol", "path")
     by_component = component_error.mean(axis=-2)
-    columns: dict[str, tuple[tuple[str, ...], np.ndarray]] = {
+    columns: Columns = {
         "component_squared_error": ((*dims, "component"), by_component),
         "stress_squared_error": (dims, by_component.mean(axis=-1)),
         "step_squared_error": ((*dims, "step"), step_error),
@@ -110,8 +135,8 @@ def path_statistics(
         "diverged": (dims, np.isfinite(divergence_step).astype(np.float64)),
     }
     if "void_ratio" in predictions:
-        void_ratio = quantise(predictions["void_ratio"].values)[..., counted].astype(np.float64)
-        true_void_ratio = quantise(truth["void_ratio"].values)[..., counted].astype(np.float64)
+        void_ratio = _counted(predictions["void_ratio"], ())
+        true_void_ratio = _counted(truth["void_ratio"], ())
         void_broken = ~np.isfinite(void_ratio)
         error = _squared(
             void_ratio, true_void_ratio, normalisation.std["void_ratio"], void_broken
@@ -122,20 +147,44 @@ def path_statistics(
         columns["output_squared_error"] = (dims, np.asarray(joint))
         broken = broken | void_broken
     columns["failed"] = (dims, np.asarray(broken.any(axis=-1), dtype=np.float64))
-    paths = {
-        name: ("path", truth[name].values.astype(object))
-        for name in ("path_id", "specimen", "split", "loading_family")
+    return columns
+
+
+def _against_noised_truth(predictions: xr.Dataset, normalisation: Normalisation) -> Columns:
+    noised = predictions["noised_truth"]
+    if "stress" not in predictions or not set(noised["noise"].values) <= set(
+        predictions["protocol"].values
+    ):
+        raise SubmissionError(
+            "the predictions hold a truth for noise that they do not hold a prediction for; run "
+            "`granbench evaluate` again"
+        )
+    predicted = _counted(predictions["stress"].sel(protocol=noised["noise"].values))
+    true = _counted(noised)
+    # Where the ground truth itself breaks down there is nothing to compare with.
+    known = np.isfinite(true).all(axis=-1)
+    weight = known / np.maximum(known.sum(axis=-1, keepdims=True), 1)
+    true = np.where(known[..., None], true, 0.0)
+    broken = np.logical_not(np.isfinite(predicted).all(axis=-1, keepdims=True))
+    error = _squared(predicted, true, normalisation.std["stress"], broken).mean(axis=-1)
+    labels = list(predictions["component"].values.astype(str))
+    relative = _relative(predicted, true, labels, broken[..., 0])
+    dims = ("seed", "noise", "path")
+    return {
+        "recomputed_squared_error": (dims, (weight * error).sum(axis=-1)),
+        "recomputed_relative_error": (dims, (weight * relative).sum(axis=-1)),
+        "recomputed_error_point_share": (dims, (weight * (relative > ERROR_POINT)).sum(axis=-1)),
     }
-    return xr.Dataset(
-        columns,
-        {
-            "seed": predictions["seed"].values,
-            "protocol": predictions["protocol"].values,
-            "component": predictions["component"].values,
-            "step": np.arange(1, truth.sizes["step"]),
-            **paths,
-        },
-    )
+
+
+def _counted(variable: xr.DataArray, last: tuple[str, ...] = ("component",)) -> np.ndarray:
+    """Quantised values (..., step, *last) from every protocol's first predicted step on.
+
+    That step is 1 for each of them, which is checked when a file is opened.
+    """
+    axis = -1 - len(last)
+    values = np.moveaxis(quantise(variable.values), axis, 0)[1:]
+    return np.moveaxis(values, 0, axis).astype(np.float64)
 
 
 def horizon_means(step_error: np.ndarray, protocol: str) -> tuple[np.ndarray, np.ndarray]:

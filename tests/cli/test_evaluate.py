@@ -190,7 +190,6 @@ def test_a_full_disk_leaves_nothing_half_written(granbench, task, tiny_disk):
     refused(
         granbench("evaluate", "persistence", "--task", task, "--out", tiny_disk / "s.json"),
         "cannot be written",
-        "No space left",
         "free some space",
     )
     assert list(tiny_disk.iterdir()) == []

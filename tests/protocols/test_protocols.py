@@ -4,11 +4,11 @@ import torch
 import xarray as xr
 from small_cells import Fragile, Oracle, Persistence, Secant, secant
 
+from granbench.axes import PROTOCOLS
 from granbench.cell import ModuleCell, StateLayout
 from granbench.data.normalisation import Normalisation
 from granbench.errors import ConfigurationError, ModelError
 from granbench.predictions import (
-    PROTOCOLS,
     evaluated,
     open_predictions,
     quantise,
@@ -30,7 +30,7 @@ def test_the_oracle_scores_exactly_zero_on_every_axis(records, scored, tmp_path)
         open_predictions(tmp_path / "oracle.nc"), scored, Normalisation.from_training(records)
     )
     scored_items = [item for item in card.scores if item.status == "scored"]
-    assert {item.protocol for item in scored_items} == set(PROTOCOLS)
+    assert {item.protocol for item in scored_items} == {*PROTOCOLS, "cost"}
     assert all(item.value == 0.0 for item in scored_items)
 
 
@@ -161,10 +161,10 @@ def test_progress_is_told_after_each_protocol(scored):
     told = []
     predict(
         {0: Persistence(), 4: Persistence()}, scored, ["window", "noise"],
-        progress=lambda seed, spec: told.append((seed, spec.name)),
+        progress=lambda seed, done: told.append((seed, done)),
     )  # fmt: skip
     names = ["window", "noise-0.2", "noise-0.5", "noise-1.0"]
-    assert told == [(seed, name) for seed in (0, 4) for name in names]
+    assert told == [(seed, PROTOCOLS[name].title) for seed in (0, 4) for name in names]
 
 
 def test_wrong_requests_are_refused(scored):

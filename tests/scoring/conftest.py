@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from granbench.axes import PROTOCOLS
 from granbench.data.normalisation import Normalisation
-from granbench.predictions import PROTOCOLS, assemble, evaluated
+from granbench.predictions import assemble, evaluated
 
 
 @pytest.fixture
@@ -38,7 +39,7 @@ def predicted(truth: xr.Dataset) -> Callable[..., xr.Dataset]:
                 void_ratio_error, shape[:-1]
             )
         return assemble(
-            stress, internals, dataset=truth, seeds=seeds, protocols=protocols,
+            {"stress": stress, **internals}, dataset=truth, seeds=seeds, protocols=protocols,
             attrs={"model": "by-hand"},
         )  # fmt: skip
 

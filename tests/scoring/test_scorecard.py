@@ -6,8 +6,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from granbench.axes import PROTOCOLS
 from granbench.errors import SubmissionError
-from granbench.predictions import PROTOCOLS, evaluated
+from granbench.predictions import evaluated
 from granbench.scoring import METRIC_VERSION, score
 from granbench.scoring.statistics import CEILING, path_statistics
 
@@ -88,8 +89,9 @@ def test_what_does_not_apply_is_there_with_a_reason(predicted, truth, normalisat
     assert never.status == "not_applicable" and "diverge" in never.reason
     stepwise = card.find("single-step", "test", "diverged_share")
     assert stepwise.status == "not_applicable"
-    for axis in ("embedded", "physics", "cost"):
-        assert card.find(axis, "test", "all").status == "not_applicable"
+    assert card.find("embedded", "test", "all").status == "not_applicable"
+    recomputed = card.find("noise-0.5", "test", "recomputed_mse_mean")
+    assert recomputed.status == "not_applicable" and "ground-truth" in recomputed.reason
 
 
 def test_an_axis_left_out_is_there_as_not_run(predicted, truth, normalisation):

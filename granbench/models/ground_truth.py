@@ -1,0 +1,47 @@
+"""The ground truth of a dataset: the model that made it, rebuilt from the dataset's attributes."""
+
+import json
+
+import xarray as xr
+
+from granbench.errors import DatasetError, ModelError
+from granbench.models.classical import ClassicalCell
+from granbench.models.parameter_file import ParameterFile
+from granbench.predictions import GROUND_TRUTH
+from granbench.tensors import component_order
+
+
+def ground_truth_cell(records: xr.Dataset) -> ClassicalCell | None:
+    """The model that made a dataset, with its parameters; None where it was not a model.
+
+    Parameters
+    ----------
+    records : with or without the attribute `ground_truth`: JSON with `model`, `parameters` and
+        their `units`, as in a parameter file
+
+    Raises
+    ------
+    DatasetError
+        If the attribute describes no model that there is.
+    """
+    text = records.attrs.get(GROUND_TRUTH)
+    if text is None:
+        return None
+    try:
+        described = ParameterFile(**json.loads(text))
+        return described.cell(component_order(tuple(map(str, records["component"].values))))
+    except (ValueError, TypeError, ModelError) as error:
+        raise DatasetError(
+            f"{records.attrs.get('dataset', 'the dataset')}: its attribute {GROUND_TRUTH!r} "
+            f"describes no model of this version ({error}); fetch or generate the dataset again"
+        ) from error
+
+
+def holds_no_tension(records: xr.Dataset) -> bool:
+    """Whether the material of a dataset exists under compression only.
+
+    So do a pressure-dependent model, and, where no model made the records, grains with voids
+    between them.
+    """
+    truth = ground_truth_cell(records)
+    return "void_ratio" in records if truth is None else truth.pressure_dependent

@@ -1,0 +1,122 @@
+"""The tangent of a cell against differences of its own steps."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from granbench.cell import MaterialCell
+from granbench.errors import GranbenchError
+from granbench.protocols.surviving import FLOATING_FAILURES, Series, surviving, surviving_step
+
+WIDTHS = (1e-4, 1e-5, 1e-6, 1e-7)
+"""Half widths of the differences, strain. The widest sees curvature, the narrowest rounding in
+single precision; a tangent that is right agrees with one of them."""
+
+KINK = 0.1
+"""Forward and backward differences that differ by more, relative to their norm, say that there
+is no derivative to compare with."""
+
+
+@dataclass(frozen=True)
+class TangentErrors:
+    """How far tangents are from differences.
+
+    Parameters
+    ----------
+    error : (point,), relative; NaN where the cell broke down
+    kink : (point,), whether the response has no derivative there, so that `error` says nothing
+    """
+
+    error: Tensor
+    kink: Tensor
+
+
+def tangent_obstacle(cell: MaterialCell, dstrain: Tensor, state: Tensor) -> str | None:
+    """Why a cell that can be stepped has no tangent, or None.
+
+    Parameters
+    ----------
+    dstrain, state : of points that the cell can be asked for
+    """
+    try:
+        cell.tangent(dstrain[:1].to(cell.dtype), state[:1].to(cell.dtype))
+    except (GranbenchError, *FLOATING_FAILURES):
+        return None
+    except RuntimeError as error:
+        # torch says so where a step leaves torch, or writes into what it has read.
+        return (
+            "the cell offers no tangent and its step cannot be differentiated: "
+            f"{str(error).splitlines()[0]}"
+        )
+    return None
+
+
+def tangent_errors(
+    cell: MaterialCell, dstrain: Tensor, state: Tensor, stiffness: float
+) -> TangentErrors:
+    """Relative difference of `MaterialCell.tangent` and central differences of `step`.
+
+    At each of `WIDTHS` where forward and backward differences agree, the norm of the difference
+    is divided by the larger of the two norms; the smallest of the quotients counts.
+
+    Parameters
+    ----------
+    dstrain : (point, component)
+    state : (point, n_state)
+    stiffness : Pa; norms below a thousandth of it are rounding, and count as that
+    """
+    increment = dstrain.to(cell.dtype)
+    start = state.to(cell.dtype)
+    tangent = _tangents(cell, increment, start)
+    stress = surviving_step(cell, increment, start)["stress"]
+    floor = torch.full_like(stress[:, 0], 1e-3 * stiffness)
+    best = torch.full_like(floor, torch.inf)
+    followed = torch.zeros_like(floor, dtype=torch.bool)
+    for width in WIDTHS:
+        forward, backward, central = _differences(cell, increment, start, stress, width)
+        scale = torch.stack([_norm(tangent), _norm(central), floor]).amax(dim=0)
+        smooth = _norm(forward - backward) <= KINK * torch.maximum(_norm(central), floor)
+        error = _norm(tangent - central) / scale
+        best = torch.where(smooth & ~(error >= best), error, best)
+        followed |= torch.isfinite(central).flatten(1).all(dim=1)
+    broken = ~followed | ~torch.isfinite(tangent).flatten(1).all(dim=1)
+    kink = torch.isinf(best) & ~broken
+    return TangentErrors(torch.where(broken, torch.nan, best), kink)
+
+
+def _tangents(cell: MaterialCell, dstrain: Tensor, state: Tensor) -> Tensor:
+    components = dstrain.shape[1]
+
+    def run(points: slice, _: int) -> Series:
+        return {"tangent": cell.tangent(dstrain[points], state[points])[2]}
+
+    widths = {"tangent": (components, components)}
+    return surviving(run, slice(0, len(dstrain)), None, widths)["tangent"]
+
+
+def _differences(
+    cell: MaterialCell, dstrain: Tensor, state: Tensor, stress: Tensor, width: float
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Forward, backward and central differences, each (point, component, component), Pa."""
+    columns = []
+    for component in range(dstrain.shape[1]):
+        further, nearer = dstrain.clone(), dstrain.clone()
+        further[:, component] += width
+        nearer[:, component] -= width
+        after = surviving_step(cell, further, state)["stress"]
+        before = surviving_step(cell, nearer, state)["stress"]
+        # What the floating type made of the width, not the width itself.
+        up = (further - dstrain)[:, component, None].double()
+        down = (dstrain - nearer)[:, component, None].double()
+        columns.append(
+            torch.stack(
+                [(after - stress) / up, (stress - before) / down, (after - before) / (up + down)]
+            )
+        )
+    forward, backward, central = torch.stack(columns, dim=-1)
+    return forward, backward, central
+
+
+def _norm(tangent: Tensor) -> Tensor:
+    return torch.linalg.vector_norm(tangent, dim=(1, 2))

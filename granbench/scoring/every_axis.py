@@ -1,0 +1,84 @@
+"""`score`: every axis of the benchmark, from the predictions and the truth alone."""
+
+from collections.abc import Iterator
+
+import xarray as xr
+
+from granbench.data.normalisation import Normalisation
+from granbench.errors import SubmissionError
+from granbench.predictions import GROUND_TRUTH
+from granbench.scoring.along_paths import curves, scores_of_split
+from granbench.scoring.cost import cost_scores
+from granbench.scoring.metrics import METRIC_VERSION
+from granbench.scoring.physics import physics_scores, physics_statistics
+from granbench.scoring.reduction import split_order
+from granbench.scoring.scorecard import ALL, Scales, Score, Scorecard, rounded
+from granbench.scoring.statistics import align, path_statistics
+
+UNMEASURED = {"embedded": "this task has no boundary-value problem with a ground-truth cell"}
+NO_TRUTH = "this task has no ground-truth cell"
+READS_RECORDS = "the model reads its answers from the records, which have none for noised strain"
+
+
+def score(predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation) -> Scorecard:
+    """Score predictions against the records.
+
+    Parameters
+    ----------
+    predictions : see `granbench.predictions`
+    truth : the records of exactly the predicted paths
+    normalisation : training standard deviations
+
+    Raises
+    ------
+    SubmissionError
+        If the predictions do not fit the records.
+    """
+    truth = align(truth, predictions)
+    components = [str(label) for label in truth["component"].values]
+    std = normalisation.std
+    statistics = path_statistics(predictions, truth, normalisation)
+    return Scorecard(
+        metric_version=METRIC_VERSION,
+        normalisation=Scales(
+            stress=dict(zip(components, map(rounded, std["stress"]), strict=True)),
+            void_ratio=rounded(std["void_ratio"]) if "void_ratio" in std else None,
+        ),
+        scores=tuple(_scores(predictions, truth, statistics, normalisation)),
+        curves=tuple(curves(statistics)),
+    )
+
+
+def _scores(
+    predictions: xr.Dataset,
+    truth: xr.Dataset,
+    statistics: xr.Dataset,
+    normalisation: Normalisation,
+) -> Iterator[Score]:
+    no_truth = None if GROUND_TRUTH in truth.attrs else NO_TRUTH
+    physics = physics_statistics(predictions, truth, normalisation)
+    no_noised_truth = no_truth or _no_noised_truth(predictions)
+    for split in split_order(truth["split"].values.astype(str)):
+        yield from scores_of_split(statistics, split, no_noised_truth)
+        yield from physics_scores(physics, split)
+        for axis, reason in UNMEASURED.items():
+            yield Score(
+                axis=axis, protocol=axis, split=split, metric=ALL, status="not_applicable",
+                reason=reason,
+            )  # fmt: skip
+    yield from cost_scores(predictions, no_truth)
+
+
+def _no_noised_truth(predictions: xr.Dataset) -> str | None:
+    """Why there is no truth for noised strain where there is a ground truth, or None."""
+    if predictions.attrs.get("reads_records"):
+        return READS_RECORDS
+    protocols = predictions["protocol"].values if "protocol" in predictions.coords else ()
+    noised = predictions["noise"].values if "noise" in predictions.coords else ()
+    missing = {name for name in protocols if str(name).startswith("noise")} - set(noised)
+    if missing:
+        raise SubmissionError(
+            f"the predictions lack the ground truth along the strain of {min(missing)}; run "
+            "`granbench evaluate` again"
+        )
+    return None

@@ -1,0 +1,167 @@
+"""Scores of the physics axis: from the responses to the checks to violations."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import xarray as xr
+
+from granbench.checks import CHECKED_STRAIN, CHECKS, Check, checked_paths
+from granbench.data.normalisation import Normalisation
+from granbench.errors import SubmissionError
+from granbench.predictions import PHYSICS_OBSTACLES
+from granbench.scoring.bootstrap import Resampling
+from granbench.scoring.metrics import PHYSICS_METRICS, TANGENT_METRICS, Metric
+from granbench.scoring.reduction import Paths, not_applicable, not_run, reduced
+from granbench.scoring.scorecard import ALL, Score
+from granbench.scoring.statistics import CEILING
+from granbench.tensors import component_order, normal_mask
+
+TANGENT = "tangent"
+_RESPONSE = {
+    TANGENT: "tangent_error", "dissipation": "cycle_work", "compression": "tension_share",
+}  # fmt: skip
+"""Variable that holds the response to a check; that of the others is `stress_change`."""
+
+
+@dataclass(frozen=True)
+class PhysicsStatistics:
+    """Violations of every checked path.
+
+    Parameters
+    ----------
+    records : the checked paths
+    violations : of each check that applies, (seed, path), dimensionless, at most `CEILING`, which
+        is also what a breakdown counts as
+    kink_share : (seed, path), see `granbench.protocols.tangent`; None where it was not measured
+    obstacles : why the other checks do not apply
+    """
+
+    records: xr.Dataset
+    violations: Mapping[str, np.ndarray] = field(default_factory=dict)
+    kink_share: np.ndarray | None = None
+    obstacles: Mapping[str, str] = field(default_factory=dict)
+
+
+def physics_statistics(
+    predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation
+) -> PhysicsStatistics:
+    """Violations from the stored responses; none where the axis was left out.
+
+    Parameters
+    ----------
+    predictions : see `granbench.predictions`
+    truth : the scored records, in the order of the predictions
+    normalisation : training standard deviations
+
+    Raises
+    ------
+    SubmissionError
+        If other paths were checked than the benchmark checks, or a response is missing.
+    """
+    records = truth.isel(path=checked_paths(truth))
+    if PHYSICS_OBSTACLES not in predictions.attrs:
+        return PhysicsStatistics(records)
+    obstacles = _obstacles(predictions)
+    applicable = [name for name in CHECKS if name not in obstacles]
+    if applicable:
+        _check_paths(predictions, records)
+    violations = {
+        name: _clipped(_violation(name, predictions, records, normalisation)) for name in applicable
+    }
+    kinks = predictions.get("kink_share")
+    return PhysicsStatistics(
+        records, violations, None if kinks is None else _clipped(kinks.values), obstacles
+    )
+
+
+def physics_scores(statistics: PhysicsStatistics, split: str) -> list[Score]:
+    """Every score of the checked paths of one split."""
+    inside = np.flatnonzero(statistics.records["split"].values.astype(str) == split)
+    specimens = statistics.records["specimen"].values[inside]
+    paths = Paths(split, ALL, len(inside), Resampling.by_specimen(specimens))
+    return [
+        _score(statistics, check, metric, paths, inside)
+        for check in CHECKS.values()
+        for metric in PHYSICS_METRICS + (TANGENT_METRICS if check.name == TANGENT else ())
+    ]
+
+
+def _score(
+    statistics: PhysicsStatistics, check: Check, metric: Metric, paths: Paths, inside: np.ndarray
+) -> Score:
+    if check.name in statistics.obstacles:
+        return not_applicable(check, metric, paths, statistics.obstacles[check.name])
+    if check.name not in statistics.violations:
+        return not_run(check, metric, paths)
+    values = statistics.violations[check.name]
+    if metric.statistic == "violated":
+        values = (values > check.tolerance).astype(np.float64)
+    elif metric.statistic == "kink_share" and statistics.kink_share is not None:
+        values = statistics.kink_share
+    return reduced(check, metric, paths, values[:, inside])
+
+
+def _obstacles(predictions: xr.Dataset) -> dict[str, str]:
+    try:
+        obstacles = json.loads(predictions.attrs[PHYSICS_OBSTACLES])
+        if set(obstacles) <= set(CHECKS) and all(map(str.strip, obstacles.values())):
+            return obstacles
+    except (ValueError, TypeError, AttributeError):
+        pass
+    raise SubmissionError(
+        f"the predictions' attribute {PHYSICS_OBSTACLES!r} does not say why which checks do not "
+        "apply; run `granbench evaluate` again"
+    )
+
+
+def _check_paths(predictions: xr.Dataset, records: xr.Dataset) -> None:
+    expected = [str(name) for name in records["path_id"].values]
+    if "checked_path" not in predictions.coords or expected != [
+        str(name) for name in predictions["checked_path"].values
+    ]:
+        raise SubmissionError(
+            "the physics checks were not made on the paths that the benchmark checks; run "
+            "`granbench evaluate` again"
+        )
+
+
+def _violation(
+    name: str, predictions: xr.Dataset, records: xr.Dataset, normalisation: Normalisation
+) -> np.ndarray:
+    """Violations (seed, path), NaN where the model broke down."""
+    variable = _RESPONSE.get(name, "stress_change")
+    missing = variable not in predictions or (
+        variable == "stress_change" and name not in predictions["check"].values
+    )
+    if missing:
+        raise SubmissionError(
+            f"the predictions lack the response to the check {name!r}; run `granbench evaluate` "
+            "again"
+        )
+    response = predictions[variable]
+    order = component_order(tuple(map(str, records["component"].values)))
+    often = 2.0 - np.asarray(normal_mask(order))  # a shear component stands twice in the tensor
+    if variable == "stress_change":
+        change = response.sel(check=name).values.astype(np.float64)
+        if name.startswith("substeps"):
+            std = normalisation.std
+            stiffness = _norm(std["stress"], often) / _norm(std["strain"], often)
+            return _norm(change, often) / (stiffness * CHECKED_STRAIN)
+        return np.max(np.abs(change) / normalisation.std["stress"], axis=-1)
+    if name == "dissipation":
+        # Against a stress of one standard deviation along the path and back.
+        strain = records["strain"].values.astype(np.float64)
+        length = 2.0 * np.abs(np.diff(strain, axis=1)).sum(axis=1)
+        scale = (often * normalisation.std["stress"] * length).sum(axis=-1)
+        return np.maximum(-response.values.astype(np.float64), 0.0) / scale
+    return response.values.astype(np.float64)
+
+
+def _norm(components: np.ndarray, often: np.ndarray) -> np.ndarray:
+    return np.sqrt((often * components**2).sum(axis=-1))
+
+
+def _clipped(violation: np.ndarray) -> np.ndarray:
+    return np.minimum(np.nan_to_num(violation, nan=CEILING, posinf=CEILING), CEILING)

@@ -1,0 +1,58 @@
+"""Score the board again under a new version of the metrics, from the predictions that lie there.
+
+``python -m granbench.leaderboard.rescoring`` from the root of the checkout, whenever
+`METRIC_VERSION` was raised. An axis that the predictions say nothing of is `not_run` afterwards.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import xarray as xr
+
+from granbench.data.normalisation import Normalisation
+from granbench.data.store import load
+from granbench.leaderboard.board import accepted, default_folder
+from granbench.leaderboard.submission import Submission, write_submission
+from granbench.predictions import evaluated, open_predictions
+from granbench.scoring import METRIC_VERSION, score
+
+
+def rescored(submission: Submission, folder: Path, records: xr.Dataset) -> Submission:
+    """A submission with the scores that this version makes from its predictions.
+
+    Parameters
+    ----------
+    submission : whatever version its scores follow
+    folder : where its predictions lie
+    records : the whole dataset of its task
+    """
+    predictions = open_predictions(folder / submission.predictions.file)
+    card = score(predictions, evaluated(records), Normalisation.from_training(records))
+    return submission.model_copy(
+        update={
+            "metric_version": card.metric_version,
+            "normalisation": card.normalisation,
+            "scores": card.scores,
+            "curves": card.curves,
+        }
+    )
+
+
+def rescore(folder: Path) -> Iterator[Path]:
+    """Rewrite every submission of a board that follows another version of the metrics.
+
+    Returns
+    -------
+    The files that were written, one after the other
+    """
+    for row in accepted(folder):
+        if row.submission.metric_version != METRIC_VERSION:
+            dataset = row.submission.dataset
+            with load(f"{dataset.name}@{dataset.version}") as records:
+                write_submission(rescored(row.submission, row.file.parent, records), row.file)
+            yield row.file
+
+
+if __name__ == "__main__":
+    for file in rescore(default_folder()):
+        print(f"{file} follows metric version {METRIC_VERSION}")
