@@ -38,7 +38,8 @@ EXPLANATION = (
     f"{LOWEST_PRESSURE:g} and {HIGHEST_PRESSURE:g} of the initial one: beyond its tension apex "
     "the model has no strength and its stress says nothing, and without a limit a few paths of "
     "extreme compression would outweigh the others. The deviatoric part is as it was drawn, the "
-    "same for all models."
+    "same for all models. It is the mean stress that is kept compressive: a model without a "
+    "tension cut-off may still pull in one direction."
 )
 
 

@@ -30,6 +30,10 @@ DIMENSIONS = {
     "tangent": ("component", "strain_component"),
 }
 """Of the recorded variables after (path, step); internal variables have no further one."""
+TANGENTS = (
+    "`{command} --preset tangents` makes the same paths with the tangent of every step, which "
+    "takes up to twice the room"
+)
 
 
 def assemble(
@@ -117,12 +121,14 @@ def _attributes(
         },
         "seed": seed,
     }
+    command = f"granbench generate {truth.dataset}"
     scaling = {"admissible_scaling": EXPLANATION} if any(p.admissible for p in plans) else {}
+    tangents = {} if preset.tangents else {"tangents": TANGENTS.format(command=command)}
     return {
         "dataset": truth.dataset,
         "version": preset.version,
         "title": f"Random strain paths through {cell.title}, preset {preset.name}",
-        "generator": f"granbench generate {truth.dataset}",
+        "generator": f"{command} --preset {preset.name}" + (f" --seed {seed}" if seed else ""),
         "generator_version": __version__,
         "engine": f"granbench.models {cell.name}",
         "engine_version": __version__,
@@ -134,4 +140,5 @@ def _attributes(
         "licence": "CC-BY-4.0",
         "thesis_section": truth.thesis_section,
         **scaling,
+        **tangents,
     }

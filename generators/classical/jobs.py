@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import ArrayLike
 
 from granbench.errors import ModelError
 from granbench.generators.campaign import Job
@@ -84,7 +85,11 @@ def run_paths(
         isotropic_start(cell, configuration["initial_mean_stress"], len(drawn.strain)),
         tangents=configuration["tangents"],
     )
-    series = {"strain": drawn.strain, "stress": run.stress, **run.internals}
+    series: dict[str, ArrayLike] = {
+        "strain": drawn.strain,
+        "stress": run.stress,
+        **run.internals,
+    }
     if run.tangent is not None:
         series["tangent"] = run.tangent
     record = {name: recorded(name, values) for name, values in series.items()}

@@ -2,14 +2,15 @@
 
 import contextlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
 
+from granbench.data.markdown import table
+from granbench.data.plane_card import plane_sections
 from granbench.data.replicates import replicate_scatter
-from granbench.data.splits import leak_report, select_split, split_hash, split_names
-from granbench.data.strain_paths import strain_path_statistics
+from granbench.data.splits import leak_report, split_hash, split_names
 from granbench.errors import DatasetError
 from granbench.observations import MONOTONIC_FAMILIES, select
 from granbench.plotting.quality import QUALITY_LIMITS
@@ -48,11 +49,7 @@ def card_text(
 def _about_tests(records: xr.Dataset) -> list[str]:
     """What is to be said of drawn strain paths, or of tests on packings of grains."""
     if _in_plane(records):
-        scaling = records.attrs.get("admissible_scaling")
-        return [
-            "## Strain paths\n\n" + _strain_paths(records),
-            *([f"## Admissible paths\n\n{scaling}"] if scaling else []),
-        ]
+        return plane_sections(records)
     return [
         "## How well the tests were controlled\n\n" + _quality(records),
         "## Scatter between packings\n\n" + _scatter(records),
@@ -61,40 +58,6 @@ def _about_tests(records: xr.Dataset) -> list[str]:
 
 def _in_plane(records: xr.Dataset) -> bool:
     return component_order(tuple(map(str, records["component"].values))) == "plane"
-
-
-def _strain_paths(records: xr.Dataset) -> str:
-    rows = []
-    for split in split_names(records):
-        found = strain_path_statistics(select_split(records, split))
-        factor = found.median_volumetric_factor
-        rows.append(
-            (
-                split,
-                found.paths,
-                f"{found.median_increment:.2e}",
-                ", ".join(f"{value:.3f}" for value in found.strain_std.values()),
-                f"{found.largest_strain:.3f}",
-                ", ".join(f"{1e-3 * value:.3g}" for value in found.stress_std.values()),
-                *([] if factor is None else [f"{factor:.2f}"]),
-            )
-        )
-    components = ", ".join(map(str, records["component"].values))
-    header = (
-        "split",
-        "paths",
-        "median norm of an increment",
-        f"standard deviation of strain {components}",
-        "largest strain",
-        f"standard deviation of stress {components} [kPa]",
-        *(["median volumetric factor"] if "volumetric_factor" in records.coords else []),
-    )
-    return _table(header, rows)
-
-
-def _table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
 
 
 def _identity(records: xr.Dataset) -> str:
@@ -110,7 +73,7 @@ def _identity(records: xr.Dataset) -> str:
         ("content SHA-256", f"`{attributes.get('content_sha256', 'not sealed')}`"),
         ("split SHA-256", f"`{split_hash(records)}`"),
     ]
-    return _table(("", ""), rows)
+    return table(("", ""), rows)
 
 
 def _levels(records: xr.Dataset, name: str, scale: float = 1.0) -> str:
@@ -130,7 +93,7 @@ def _design(records: xr.Dataset) -> str:
         ("loading_family", "loading families", 1.0),
     ]
     present = [factor for factor in factors if factor[0] in records.coords]
-    parts = [_table(("factor", "levels"), ((t, _levels(records, n, s)) for n, t, s in present))]
+    parts = [table(("factor", "levels"), ((t, _levels(records, n, s)) for n, t, s in present))]
     families = np.unique(records["loading_family"].values.astype(str))
     if "initial_mean_stress" in records.coords and not _in_plane(records):
         pressures = np.unique(records["initial_mean_stress"].values)
@@ -168,7 +131,7 @@ def _counts(
     labels = [f"{value * scale:g}" if columns.dtype.kind == "f" else value for value in columns]
     title = {"initial_mean_stress": "p₀ [MPa]", "intermediate_stress_ratio": "b"}
     corner = " / ".join(title.get(name, name.replace("_", " ")) for name in (by, across))
-    return _table(
+    return table(
         (corner, *labels, "all"),
         (
             (
@@ -193,7 +156,7 @@ def _quality(records: xr.Dataset) -> str:
                 rows.append((records[name].attrs.get("long_name", name), *shown))
     if not rows:
         return "The file records no control errors."
-    return _table(("measure, per path", "median", "95 %", "largest", "limit"), rows)
+    return table(("measure, per path", "median", "95 %", "largest", "limit"), rows)
 
 
 def _scatter(records: xr.Dataset) -> str:
@@ -218,7 +181,7 @@ def _scatter(records: xr.Dataset) -> str:
     return (
         "Two packings of one grading and preparation, loaded alike, differ, a little in strain "
         "and initial void ratio too. The scatter over whole paths, from pairs in all splits, says "
-        "how close to the truth a model can be expected to come:\n\n" + _table(("", ""), rows)
+        "how close to the truth a model can be expected to come:\n\n" + table(("", ""), rows)
     )
 
 
@@ -255,7 +218,7 @@ def _variables(records: xr.Dataset) -> str:
         )
         for name, variable in records.variables.items()
     )
-    return _table(("name", "dimensions", "units", "meaning"), rows)
+    return table(("name", "dimensions", "units", "meaning"), rows)
 
 
 def _configuration(records: xr.Dataset) -> str:

@@ -25,13 +25,17 @@ MINI_BYTES = 1_000_000
 MINI_SPECIMENS = {"train": 3, "validation": 1, "test": 2}
 """Packings of each split in the mini tier; two of any other split. Replicates come on top."""
 MINI_REPLICATES = 2
+MINI_PATHS = {"train": 64, "validation": 16, "test": 24}
+"""Strain paths of each split in the mini tier, of a dataset where each is a specimen of its own;
+eight of any other split."""
 
 
 def make_mini(ds: xr.Dataset) -> xr.Dataset:
     """A few paths of a dataset: every split, every loading family, and two replicated packings.
 
     Each chosen packing gives its first path of every family, with all its steps, so that the
-    mini tier runs through everything that the core dataset does.
+    mini tier runs through everything that the core dataset does. Of strain paths that are
+    specimens of their own more are taken.
 
     Parameters
     ----------
@@ -61,7 +65,8 @@ def _mini_specimens(ds: xr.Dataset) -> list[str]:
     names = ds["specimen"].values.astype(str).tolist()
     replicates_of = ds["replicate"].values if "replicate" in ds.coords else np.zeros(len(names))
     kinds: list[tuple[object, ...]] = [(name,) for name in names]
-    if "grading" in ds.coords:
+    on_packings = "grading" in ds.coords
+    if on_packings:
         preparation = (ds["grading"].values.tolist(), ds["preparation_friction"].values.tolist())
         kinds = list(zip(*preparation, strict=True))
     facts: dict[str, tuple[str, int, tuple[object, ...]]] = {}
@@ -73,7 +78,7 @@ def _mini_specimens(ds: xr.Dataset) -> list[str]:
     for split in dict.fromkeys(split for split, _, _ in facts.values()):
         originals = [n for n, (s, replicate, _) in facts.items() if s == split and not replicate]
         with_partner = [n for n in originals if facts[n][2] in again]
-        room = MINI_SPECIMENS.get(split, 2)
+        room = MINI_SPECIMENS.get(split, 2) if on_packings else MINI_PATHS.get(split, 8)
         # One replicated packing of a split, the others spread over its list of packings.
         picks = with_partner[:1] if len(replicates) < MINI_REPLICATES else []
         replicates.extend(again[facts[name][2]] for name in picks)

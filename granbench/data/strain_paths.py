@@ -20,6 +20,8 @@ class StrainPathStatistics:
     largest_strain : largest magnitude of a strain component
     stress_std : standard deviation of each stress component, Pa, by its label
     median_volumetric_factor : see the coordinate `volumetric_factor`; None without it
+    tensile_share : share of the steps at which a principal stress in the plane is tensile; None
+        where paths start without stress
     """
 
     paths: int
@@ -28,6 +30,7 @@ class StrainPathStatistics:
     largest_strain: float
     stress_std: dict[str, float]
     median_volumetric_factor: float | None
+    tensile_share: float | None
 
     def as_dict(self) -> dict[str, object]:
         """Plain values for JSON."""
@@ -50,7 +53,16 @@ def strain_path_statistics(records: xr.Dataset) -> StrainPathStatistics:
         largest_strain=float(np.abs(strain).max()),
         stress_std=_by_label(labels, stress.std(axis=(0, 1))),
         median_volumetric_factor=factor,
+        tensile_share=_tensile_share(records, stress),
     )
+
+
+def _tensile_share(records: xr.Dataset, stress: np.ndarray) -> float | None:
+    in_plane = component_order(tuple(map(str, records["component"].values))) == "plane"
+    if not in_plane or not (records["initial_mean_stress"].values > 0.0).all():
+        return None
+    xx, yy, xy = np.moveaxis(stress, -1, 0)
+    return float((0.5 * (xx + yy) < np.hypot(0.5 * (xx - yy), xy)).mean())
 
 
 def _by_label(labels: tuple[str, ...], values: np.ndarray) -> dict[str, float]:

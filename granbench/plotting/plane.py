@@ -146,7 +146,11 @@ def stress_space_figure(records: xr.Dataset) -> Figure:
                 label=split,
             )
         axis.set(xlabel="mean stress $p$ [kPa]")
-        axis.legend(loc="best", markerscale=3.0, handletextpad=0.1)
+        # The cloud leaves no corner free for the names.
+        axis.legend(
+            loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2 if len(splits) > 1 else 1,
+            markerscale=3.0, handletextpad=0.1,
+        )  # fmt: skip
     axes[0].set_ylabel("deviatoric stress $q$ [kPa]")
     return figure
 

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 import torch
+import xarray as xr
 from plane_records import plane_records
 from torch.utils.data import DataLoader
 
@@ -12,7 +13,7 @@ from granbench.data.adapters import WindowDataset, conditions_of, history_of, hi
 from granbench.data.card import PLANE_FIGURES, write_card
 from granbench.data.card_text import card_text
 from granbench.data.normalisation import Normalisation
-from granbench.data.publish import make_mini
+from granbench.data.publish import MINI_PATHS, make_mini
 from granbench.data.splits import split_names
 from granbench.data.strain_paths import strain_path_statistics
 from granbench.data.summary import summarise
@@ -72,7 +73,14 @@ def test_statistics_are_those_of_the_paths(records) -> None:
     assert found.strain_std["xy"] == pytest.approx(strain[..., 2].std())
     assert found.largest_strain == np.abs(strain).max()
     assert 0.0 < found.median_volumetric_factor <= 1.0
-    assert strain_path_statistics(plane_records("gp-j2")).median_volumetric_factor is None
+    assert found.tensile_share == 0.0  # the cone of Drucker-Prager holds no tension
+    tensile = strain_path_statistics(plane_records("gp-csuh")).tensile_share
+    stress = plane_records("gp-csuh")["stress"].values.astype(float)
+    tensors = stress[..., [0, 2, 2, 1]].reshape(*stress.shape[:-1], 2, 2)
+    assert tensile == pytest.approx((np.linalg.eigvalsh(tensors)[..., 0] < 0.0).mean())
+    unstressed = strain_path_statistics(plane_records("gp-j2"))
+    assert unstressed.median_volumetric_factor is None
+    assert unstressed.tensile_share is None
 
 
 def test_summary_describes_strain_paths_and_no_packings(records) -> None:
@@ -104,8 +112,25 @@ def test_card_of_unscaled_paths_does_not_speak_of_scaling() -> None:
     assert "volumetric factor" not in text
 
 
+def test_card_says_which_model_it_is_and_how_finely_it_is_kept() -> None:
+    text = card_text(seal(plane_records("gp-j2")), {})
+    truth = text.split("## Ground truth")[1].split("##")[0]
+    assert "the model `j2`" in truth
+    assert "| bulk modulus | 1.25e+06 | Pa |" in truth
+    assert "16 bits of mantissa" in text.split("## Rounding")[1].split("##")[0]
+    assert "## Tangents" not in text  # the smoke preset has them
+    assert "`granbench generate gp-j2 --preset smoke`" in text
+
+
 def test_mini_tier_has_paths_of_every_split(records) -> None:
+    """Of a small dataset all paths: their number is bounded, here from above only."""
     mini = make_mini(records)
     validate_records(mini)
     assert split_names(mini) == split_names(records)
-    assert 10 <= mini.sizes["path"] <= 20
+    assert mini.sizes["path"] == records.sizes["path"]
+    more = xr.concat(
+        [records.assign_coords(specimen=records["specimen"] + str(again)) for again in range(12)],
+        "path",
+    )
+    counts = np.unique(make_mini(more)["split"].values, return_counts=True)
+    assert dict(zip(*counts, strict=True)) == dict.fromkeys(split_names(records), 8) | MINI_PATHS

@@ -65,7 +65,8 @@ def test_increments_of_every_split_end_at_all_of_them(plane: xr.Dataset) -> None
 
 def test_stress_space_shows_the_yield_limit(plane: xr.Dataset) -> None:
     q = stress_space_figure(plane).axes[0].lines[0].get_ydata()
-    assert q.max() == pytest.approx(100.0, rel=1e-5)  # sigma_Y = 100 kPa, in single precision
+    # sigma_Y = 100 kPa; components of some 200 kPa are off by 2^-17 of that.
+    assert q.max() == pytest.approx(100.0, rel=5e-5)
 
 
 def test_a_stress_out_of_the_plane_counts(plane: xr.Dataset) -> None:

@@ -9,7 +9,7 @@ import torch
 import xarray as xr
 from plane_records import plane_records
 
-from granbench.axes import AXES, PROTOCOLS
+from granbench.axes import AXES, NOISE_PROTOCOLS, PROTOCOLS
 from granbench.baselines.linear_elastic import fitted_moduli
 from granbench.candidate import find_candidate
 from granbench.cell import Conditions, MaterialCell
@@ -61,17 +61,37 @@ def test_the_ground_truth_repeats_its_own_paths(name: str) -> None:
 
 
 def test_the_ground_truth_follows_the_noise_as_any_model_does() -> None:
+    """It leaves the clean truth, the more the louder the noise, and never the recomputed one."""
     result = card(find_candidate("j2", plane_records()).cell, plane_records())
-    noised = [values(result)[f"noise-{xi}"] for xi in ("0.2", "0.5", "1.0")]
+    noised = [values(result)[name] for name in NOISE_PROTOCOLS]
     assert 1e-4 < noised[0] < noised[1] < noised[2]
     assert set(values(result, "failed_share").values()) == {0.0}
+    for name in NOISE_PROTOCOLS:
+        for metric in ("recomputed_mse_worst", "recomputed_error_point_share"):
+            assert result.find(name, "test", metric).value == 0.0
+
+
+def test_an_elastic_floor_is_off_the_recomputed_truth() -> None:
+    records = plane_records()
+    result = card(find_candidate("linear-elastic", records).cell, records, ["noise"])
+    errors = [result.find(name, "test", "recomputed_mse_mean").value for name in NOISE_PROTOCOLS]
+    assert all(0.01 < error < 100.0 for error in errors)
+
+
+def test_the_oracle_cannot_say_what_would_have_been() -> None:
+    records = plane_records()
+    result = card(find_candidate("oracle", records).cell, records, ["noise"])
+    found = result.find("noise-1.0", "test", "recomputed_mse_mean")
+    assert found.status == "not_applicable" and "reads its answers" in found.reason
+    assert result.find("noise-1.0", "test", "stress_mse_worst").value == 0.0
 
 
 @pytest.mark.parametrize("floor", ["persistence", "linear-elastic"])
 @pytest.mark.parametrize("name", GROUND_TRUTHS)
 def test_floors_run_on_every_protocol(name: str, floor: str) -> None:
     records = plane_records(name)
-    result = card(find_candidate(floor, records).cell, records)
+    axes = {spec.axis for spec in PROTOCOLS.values()}
+    result = card(find_candidate(floor, records).cell, records, axes)
     assert all(value > 0.0 for value in values(result).values())
     assert set(values(result, "failed_share").values()) == {0.0}
     with_voids = "void_ratio" in records
