@@ -228,7 +228,9 @@ class Yielding(NamedTuple):
             flow = torch.stack([rate[4] for rate in step.rates]).amin(dim=0)
             # A softening that no strain can follow has a negative flow.
             possible = (lowest >= 0.999999 * FLOOR) & (cone > 0.0) & (flow >= 0.0)
-            ends = ~possible & active & (begin[0] <= NEAR_FLOOR * FLOOR)
+            # One whose p rises at first is cut instead: the long piece misjudges it.
+            falls = (begin[0] <= NEAR_FLOOR * FLOOR) & (step.rates[0][0] <= 0.0)
+            ends = ~possible & active & falls
             error = self._error(step, read)
             error = torch.where(active, torch.where(possible, error, torch.inf), 0.0)
         if ends.any():
