@@ -140,7 +140,7 @@ def checked_paths(records: xr.Dataset) -> np.ndarray:
     """
     names = records["path_id"].values.astype(str)
     splits = records["split"].values.astype(str)
-    ranked = sorted(range(len(names)), key=lambda row: _digest(names[row]))
+    ranked = sorted(range(len(names)), key=lambda row: _digest(str(names[row])))
     chosen = [
         row
         for split in set(splits)

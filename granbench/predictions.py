@@ -12,6 +12,7 @@ file, and a perfect model scores exactly zero.
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -160,12 +161,12 @@ def assemble(
         predictions[name] = (LAYOUT[name].dims, values)
     for other in others:
         predictions = predictions.assign(other.data_vars).assign_attrs(other.attrs)
-    for name, variable in predictions.data_vars.items():
-        stored = LAYOUT[str(name)]
+    for label, variable in predictions.data_vars.items():
+        stored = LAYOUT[str(label)]
         attributes = {"units": stored.units, "long_name": stored.long_name}
         values = variable.transpose(*stored.dims).values
         kept = values.astype(np.float64) if stored.exact else quantise(values)
-        predictions[name] = (stored.dims, kept, attributes)
+        predictions[str(label)] = (stored.dims, kept, attributes)
     return predictions
 
 
@@ -177,13 +178,13 @@ def write_predictions(predictions: xr.Dataset, path: Path) -> None:
     SubmissionError
         If the folder cannot be written to.
     """
-    encoding = {}
-    for name, variable in predictions.data_vars.items():
-        encoding[name] = {"zlib": True, "complevel": 6, "shuffle": True}
+    encoding: dict[str, dict[str, Any]] = {}
+    for label, variable in predictions.data_vars.items():
+        encoding[str(label)] = {"zlib": True, "complevel": 6, "shuffle": True}
         if "step" in variable.dims:
             # One chunk a component keeps neighbours in time together, which compresses best.
             together = ("path", "step")
-            encoding[name]["chunksizes"] = [
+            encoding[str(label)]["chunksizes"] = [
                 size if dim in together else 1 for dim, size in variable.sizes.items()
             ]
     with whole_file(path, SubmissionError, RuntimeError, size=predictions.nbytes) as partial:

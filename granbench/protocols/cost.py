@@ -64,7 +64,7 @@ def cost(cell: MaterialCell, dataset: xr.Dataset, truth: MaterialCell | None) ->
 
 
 def _starts(cell: MaterialCell, dataset: xr.Dataset) -> tuple[Tensor, Tensor]:
-    """Increments and the states that they meet, (point, ...), where the cell has not broken down.
+    """Increments and the states that they meet, (point, ...), where the cell does not break down.
 
     A cell that breaks down everywhere is timed from the starts of the paths.
     """
@@ -72,7 +72,8 @@ def _starts(cell: MaterialCell, dataset: xr.Dataset) -> tuple[Tensor, Tensor]:
     strain = strain_of(records)
     course = surviving_course(cell, strain, conditions_of(records, dtype=cell.dtype))
     state = course["state"][:, :-1]
-    alive = torch.isfinite(state).all(dim=-1)
+    finite = torch.isfinite(course["state"]).all(dim=-1)
+    alive = finite[:, :-1] & finite[:, 1:]
     if not alive.any():
         alive[:, 0] = True
     return strain.diff(dim=1)[alive].to(cell.dtype), state[alive].to(cell.dtype)

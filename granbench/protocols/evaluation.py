@@ -91,6 +91,7 @@ def progress_parts(axes: Iterable[str]) -> int:
     return len(protocols_of(chosen)) + (PHYSICS in chosen) + (COST in chosen)
 
 
+@torch.no_grad()
 def noised_truth(dataset: xr.Dataset, spec: ProtocolSpec, seed: int) -> np.ndarray:
     """What the ground truth says along the strain that a noise protocol gives to a model.
 

@@ -175,7 +175,7 @@ def _assembled(
     responses: dict[str, Tensor], dataset: xr.Dataset, names: np.ndarray, obstacles: dict[str, str]
 ) -> xr.Dataset:
     parts = {name: values.cpu().numpy() for name, values in responses.items()}
-    variables = {}
+    variables: dict[str, tuple[tuple[str, ...], np.ndarray]] = {}
     changes = [name for name in STRESS_CHECKS if name in parts]
     if changes:
         dims = ("check", "checked_path", "component")

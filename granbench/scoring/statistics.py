@@ -19,6 +19,8 @@ broken-down paths is reported beside them.
 ERROR_POINT = 0.5
 """Relative stress error above which a step is an error point (Sec 5.3)."""
 
+Columns = dict[str, tuple[tuple[str, ...], np.ndarray]]
+
 
 def align(truth: xr.Dataset, predictions: xr.Dataset) -> xr.Dataset:
     """The records in the order of the predictions' paths.
@@ -92,7 +94,7 @@ def path_statistics(
         If the predictions do not fit the records.
     """
     truth = align(truth, predictions)
-    columns = {}
+    columns: Columns = {}
     if "stress" in predictions:
         columns |= _against_records(predictions, truth, normalisation)
     if "noised_truth" in predictions:
@@ -105,9 +107,6 @@ def path_statistics(
     coordinates = {dim: predictions[dim].values for dim in labelled if dim in predictions.coords}
     steps = {"step": np.arange(1, truth.sizes["step"])} if "stress" in predictions else {}
     return xr.Dataset(columns, coordinates | steps | paths)
-
-
-Columns = dict[str, tuple[tuple[str, ...], np.ndarray]]
 
 
 def _against_records(

@@ -1,12 +1,18 @@
 """`granbench evaluate`, `submission` and `leaderboard`, as a user types them."""
 
 import json
+import re
 
 import pytest
 import xarray as xr
+from plane_records import plane_records
 
+from granbench.axes import NOISE_PROTOCOLS
+from granbench.checks import CHECKS
 from granbench.cli import main
 from granbench.leaderboard.submission import read_submission
+from granbench.models import find_model
+from granbench.models.parameter_file import write_parameters
 from granbench.predictions import open_predictions
 from granbench.records import write_records
 
@@ -125,6 +131,66 @@ def test_a_users_own_module_is_scored_by_its_name(granbench, task, my_model, tmp
     stresses = [score for score in submission.scores if score.metric == "stress_mse_mean"]
     assert {score.status for score in stresses if score.protocol == "rollout"} == {"scored"}
     assert {score.status for score in stresses if score.protocol == "window"} == {"not_run"}
+
+
+PLANE_MODEL = """
+import torch
+from granbench.cell import ModuleCell
+
+class Stiff(torch.nn.Module):
+    def forward(self, dstrain, stress):
+        return stress + 1e6 * dstrain
+
+def cell():
+    return ModuleCell(Stiff(), name="ten lines", order="plane")
+"""
+
+
+@pytest.fixture
+def plane_task(tmp_path):
+    """Records that J2 made, in a file of the working directory."""
+    write_records(plane_records(), tmp_path / "gp.nc")
+    return "gp.nc"
+
+
+@pytest.mark.parametrize("model", ["j2", "j2.json", "persistence", "linear-elastic", "plane:cell"])
+def test_physics_is_checked_of_whatever_is_a_model(
+    granbench, plane_task, tmp_path, monkeypatch, model
+):
+    monkeypatch.delitem(__import__("sys").modules, "plane", raising=False)
+    (tmp_path / "plane.py").write_text(PLANE_MODEL)
+    write_parameters(find_model("j2")({"yield_stress": 5e4}), tmp_path / "j2.json")
+    code, out, err = granbench("evaluate", model, "--task", plane_task, "--axis", "physics",
+                               "--out", "out.json")  # fmt: skip
+    assert code == 0, err
+    assert max(map(len, out.splitlines())) <= 80
+    for check in CHECKS.values():
+        assert check.title in out
+    assert "passes" in out and "VIOLATED" not in out
+    assert "Compression: n/a, the material of this task may carry tension." in out
+    assert "Cost" not in out and "stress" not in out.lower().partition("physics")[0]
+
+
+def test_a_violated_law_is_loud(granbench, plane_task, tmp_path, monkeypatch):
+    monkeypatch.delitem(__import__("sys").modules, "lawless_cells", raising=False)
+    (tmp_path / "creeping.py").write_text(
+        "from lawless_cells import Relaxing, cell\n\ndef creeping():\n    return cell(Relaxing())\n"
+    )
+    code, out, _ = granbench("evaluate", "creeping:creeping", "--task", plane_task, "--axis",
+                             "physics", "--axis", "cost", "--out", "out.json")  # fmt: skip
+    assert code == 0
+    assert re.search(r"Zero increment .* 100 %  VIOLATED", out)
+    assert "Update over ground truth, 100 at once" in out
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_noise_is_shown_against_both_truths(granbench, plane_task):
+    code, out, _ = granbench("evaluate", "j2", "--task", plane_task, "--axis", "noise",
+                             "--seeds", "0", "--out", "out.json")  # fmt: skip
+    assert code == 0
+    assert "* against the ground truth, recomputed along the noised strain" in out
+    for name in NOISE_PROTOCOLS:
+        assert re.search(rf"{re.escape(name)}\*  +0 ", out), out
 
 
 def test_models_in_folders_are_the_seeds(granbench, task, my_model, tmp_path):

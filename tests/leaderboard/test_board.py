@@ -7,12 +7,15 @@ from pathlib import Path
 import pytest
 from small_cells import Persistence, secant
 
+from granbench.checks import CHECKS
 from granbench.data.replicates import replicate_scatter
 from granbench.errors import ConfigurationError, SubmissionError
-from granbench.leaderboard.board import Row, accept, accepted, slug
+from granbench.leaderboard.board import Row, accept, accepted, default_folder, slug
 from granbench.leaderboard.build import build
+from granbench.leaderboard.rescoring import rescore
 from granbench.leaderboard.submission import read_submission
 from granbench.leaderboard.validation import validate
+from granbench.scoring import METRIC_VERSION
 
 
 @pytest.fixture(scope="module")
@@ -214,3 +217,56 @@ def test_a_page_of_several_models_gives_each_its_colour(submit, tmp_path):
     strokes = dict(re.findall(r'stroke="(#\w+)"[^>]*><title>(\w+):', page))
     swatches = dict(re.findall(r'style="background:(#\w+)"></span><a href="#about-(\w+)"', page))
     assert strokes == swatches and len(swatches) == 3
+
+
+def test_violations_and_costs_have_tables_with_reasons(submit, tmp_path):
+    file = submit(Persistence())
+    build([Row(read_submission(file), file)], tmp_path / "site")
+    page = (tmp_path / "site" / "synthetic-1.0.0.html").read_text()
+    assert "<h2>Physics</h2>" in page and "<h2>Cost</h2>" in page
+    for check in CHECKS.values():
+        assert f">{check.title}</button>" in page and f"<dt>{check.title}</dt>" in page
+    assert 'title="the records hold principal components, which cannot be turned">n/a<' in page
+    assert 'title="this task has no ground-truth cell">n/a<' in page
+    assert "<small>passes</small>" in page
+    assert "recomputed_mse" not in page  # no model made these records
+
+
+def test_a_model_that_breaks_a_law_shows_on_how_many_paths(submit, tmp_path):
+    class Creeping(Persistence):
+        name = "creeping"
+
+        def step(self, dstrain, state):
+            return super().step(dstrain, 0.99 * state)
+
+    file = submit(Creeping())
+    build([Row(read_submission(file), file)], tmp_path / "site")
+    page = (tmp_path / "site" / "synthetic-1.0.0.html").read_text()
+    assert "<small>100 % of paths</small>" in page
+
+
+def test_an_axis_that_nobody_ran_has_no_table(submit, tmp_path):
+    file = submit(Persistence(), axes=["rollout"])
+    build([Row(read_submission(file), file)], tmp_path / "site")
+    page = (tmp_path / "site" / "synthetic-1.0.0.html").read_text()
+    assert "<h2>Physics</h2>" not in page and "<h2>Cost</h2>" not in page
+
+
+def test_a_board_of_an_older_metric_version_is_scored_again(board, sealed, monkeypatch):
+    file = board / "synthetic" / "secant.json"
+    before = read_submission(file)
+    content = json.loads(file.read_text())
+    content["metric_version"] = "0.9"
+    content["scores"] = content["scores"][:1]
+    file.write_text(json.dumps(content))
+    monkeypatch.setattr("granbench.leaderboard.rescoring.load", lambda name: sealed.copy())
+    assert list(rescore(board)) == [file]
+    assert read_submission(file) == before
+    assert validate(file, sealed).name == "secant"
+    assert list(rescore(board)) == []
+
+
+def test_submissions_of_the_checkout_follow_the_metric_version():
+    rows = accepted(default_folder())
+    assert rows
+    assert {row.submission.metric_version for row in rows} == {METRIC_VERSION}

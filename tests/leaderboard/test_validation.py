@@ -6,8 +6,13 @@ from pathlib import Path
 import jsonschema
 import pytest
 import xarray as xr
+from lawless_cells import Elastic, cell
+from plane_records import plane_records
+from small_submissions import submitted
 
+from granbench.axes import AXES
 from granbench.errors import SubmissionError
+from granbench.leaderboard.rescoring import rescored
 from granbench.leaderboard.submission import (
     SCHEMA_FILE,
     file_digest,
@@ -16,6 +21,7 @@ from granbench.leaderboard.submission import (
     write_submission,
 )
 from granbench.leaderboard.validation import validate
+from granbench.records import open_records, write_records
 
 Change = Callable[[dict], object]
 
@@ -218,3 +224,34 @@ def test_predictions_that_are_not_netcdf_are_refused(submission_file, sealed):
 def test_an_unregistered_dataset_is_refused_in_a_sentence(submission_file):
     with pytest.raises(SubmissionError, match="unknown dataset 'synthetic'"):
         validate(submission_file())
+
+
+@pytest.fixture
+def plane_submission(tmp_path) -> tuple[Path, xr.Dataset]:
+    """Linear elasticity on a task that a model made, and its records."""
+    sealed = open_records(write_records(plane_records(), tmp_path / "gp.nc")).load()
+    return submitted(cell(Elastic()), sealed, tmp_path / "elastic.json", seeds=(0, 1)), sealed
+
+
+def test_a_task_with_a_ground_truth_is_reproduced_on_every_axis(plane_submission):
+    file, sealed = plane_submission
+    checked = validate(file, sealed)
+    assert {score.axis for score in checked.scores if score.status == "scored"} == set(AXES)
+
+
+def test_a_forged_ground_truth_is_found_out(plane_submission):
+    """Scores that fit the predictions exactly, of predictions that hold another truth."""
+    file, sealed = plane_submission
+    predictions = file.with_suffix(".nc")
+    with xr.open_dataset(predictions) as handle:
+        content = handle.load()
+    content["noised_truth"][:] = content["stress"].sel(protocol=content["noise"].values).values
+    content.to_netcdf(predictions)
+    honest = read_submission(file)
+    reference = honest.predictions.model_copy(update={"sha256": file_digest(predictions)})
+    forged = rescored(honest.model_copy(update={"predictions": reference}), file.parent, sealed)
+    write_submission(forged, file)
+    best = next(score for score in forged.scores if score.metric == "recomputed_mse_worst")
+    assert best.value == 0.0
+    with pytest.raises(SubmissionError, match=r"ground truth for noise-0\.2, seed 0, is not"):
+        validate(file, sealed)
