@@ -56,6 +56,9 @@ lint: setup
 docs: setup
 	@for file in datasets/*.nc; do $(BIN)/python -m granbench.data.card $$file --out docs/datasets; done
 	@$(BIN)/python docs/readme_scores.py
+	@$(BIN)/python docs/random_paths_page.py
+	@$(BIN)/python docs/model_pages.py
+	@$(BIN)/python docs/docs_index.py
 
 # Generates the core dataset anew: about two hours on two cores. Run it again after an
 # interruption; it continues.

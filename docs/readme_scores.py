@@ -7,13 +7,14 @@ that the table in README.md is the one that this makes.
 from collections.abc import Sequence
 from pathlib import Path
 
+from page_parts import table, with_part
+
 from granbench.leaderboard.board import accepted, default_folder
 from granbench.leaderboard.reference import replicate_scatters
 from granbench.leaderboard.submission import Submission
 from granbench.leaderboard.tables import main_table
 
 README = Path(__file__).parents[1] / "README.md"
-BEGIN, END = "<!-- scores:begin -->", "<!-- scores:end -->"
 TASK, SPLIT, METRIC = "dem-triaxial", "test", "stress_mse_mean"
 
 
@@ -25,22 +26,15 @@ def scores_table(submissions: Sequence[Submission], floor: float | None) -> str:
     submissions : of one task
     floor : normalised MSE that scatter between packings alone gives
     """
-    table = main_table(submissions, SPLIT, METRIC, floor)
-    lines = [("model", *table.columns), ["---"] * (len(table.columns) + 1)]
-    for row in table.rows:
+    board = main_table(submissions, SPLIT, METRIC, floor)
+    rows = []
+    for row in board.rows:
         shown = (
             f"{cell.text} ({cell.interval})" if cell.interval else str(cell.text)
             for cell in row.cells
         )
-        lines.append((row.name, *shown))
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def with_scores(page: str, table: str) -> str:
-    """The page with the table between its markers."""
-    before, rest = page.split(BEGIN)
-    _, after = rest.split(END)
-    return f"{before}{BEGIN}\n{table}\n{END}{after}"
+        rows.append((row.name, *shown))
+    return table(("model", *board.columns), rows)
 
 
 def readme() -> str:
@@ -53,7 +47,8 @@ def readme() -> str:
     submissions = [row for row in rows if row.dataset.version == newest]
     scatters = replicate_scatters(row.dataset for row in submissions)
     scatter = scatters.get((TASK, newest))
-    return with_scores(page, scores_table(submissions, scatter.floor_mse if scatter else None))
+    floor = scatter.floor_mse if scatter else None
+    return with_part(page, "scores", scores_table(submissions, floor))
 
 
 if __name__ == "__main__":

@@ -1,21 +1,30 @@
 """The pages: their Python runs, their commands exist, their links lead somewhere."""
 
+import contextlib
 import importlib.util
+import io
 import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
+import docs_index
 import pytest
 import typer.main
+from page_parts import markers, with_part
 
-from granbench.cli import app
+from granbench.cli import app, main
 
 ROOT = Path(__file__).parents[2]
-PAGES = ("README.md", "CONTRIBUTING.md", "docs/architecture.md", "docs/examples/demo.sh")
+PAGES = (
+    "README.md",
+    "CONTRIBUTING.md",
+    "docs/examples/demo.sh",
+    *sorted(page.relative_to(ROOT).as_posix() for page in (ROOT / "docs").rglob("*.md")),
+)
 
 
 def blocks(page: str, language: str) -> list[str]:
@@ -30,6 +39,21 @@ def commands(page: str) -> Iterator[list[str]]:
         yield shlex.split(line)
     for line in re.findall(r"`granbench ([a-z].*?)`", text):
         yield shlex.split(line)
+
+
+def run_command(words: Sequence[str]) -> None:
+    """Run a `granbench` command in this process; fail unless it leaves with 0."""
+    with pytest.raises(SystemExit) as left:
+        main([*words])
+    assert left.value.code == 0, words
+
+
+def printed(example: str) -> str:
+    """What a Python example prints."""
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output):
+        exec(compile(example, "example", "exec"), {"__name__": "example"})
+    return output.getvalue().strip()
 
 
 def script(path: str) -> ModuleType:
@@ -85,17 +109,40 @@ def test_links_lead_to_files(page: str) -> None:
         assert (ROOT / page).parent.joinpath(address).exists(), f"{page}: {address}"
 
 
+def mathematics(page: str) -> list[str]:
+    """What a page has between dollars, outside of code."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    text = re.sub(r"```.*?```|`[^`\n]*`|^    .*?$", "", text, flags=re.DOTALL | re.MULTILINE)
+    display = re.findall(r"\$\$(.*?)\$\$", text, flags=re.DOTALL)
+    return display + re.findall(r"(?<!\$)\$([^$\n]+)\$(?!\$)", text)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.endswith(".md")])
+def test_mathematics_survives_markdown(page: str) -> None:
+    """GitHub reads Markdown first: it takes a backslash from before a comma or a brace, and makes
+    emphasis of asterisks and of underscores that follow no letter or digit."""
+    eaten = re.compile(r"\\[^A-Za-z\s]|\*|[^\w]_|~")
+    assert [formula for formula in mathematics(page) if eaten.search(formula)] == []
+
+
 def test_scores_on_the_first_page_are_those_of_the_board() -> None:
     pages = script("docs/readme_scores.py")
     assert pages.readme() == (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_a_table_is_put_between_its_markers_and_nowhere_else() -> None:
-    pages = script("docs/readme_scores.py")
-    page = f"before\n{pages.BEGIN}\nold\n{pages.END}\nafter"
-    written = pages.with_scores(page, "| new |")
-    assert written == f"before\n{pages.BEGIN}\n| new |\n{pages.END}\nafter"
-    assert pages.with_scores(written, "| new |") == written
+def test_the_index_of_docs_lists_every_page() -> None:
+    """`make docs` writes it."""
+    assert docs_index.index() == docs_index.INDEX.read_text(encoding="utf-8")
+
+
+def test_text_is_put_between_its_markers_and_nowhere_else() -> None:
+    begin, end = markers("scores")
+    page = f"before\n{begin}\nold\n{end}\nafter"
+    written = with_part(page, "scores", "| new |")
+    assert written == f"before\n{begin}\n| new |\n{end}\nafter"
+    assert with_part(written, "scores", "| new |") == written
+    with pytest.raises(ValueError, match="once each"):
+        with_part(page, "other", "| new |")
 
 
 @pytest.mark.parametrize("file", [".ci/run", ".ci/system-packages", "docs/examples/demo.sh"])
