@@ -40,7 +40,10 @@ AT_FLOOR = FLOOR * (1.0 + 1e-6)
 """Pa; what is not above it is at the floor, within rounding."""
 
 NEAR_FLOOR = 4.0
-"""A point that would fall through the floor from less than this many times it, ends there."""
+NEAR_FLOOR_ERROR = 3e-4
+"""A point that falls from less than so many times the floor, in a piece that goes through it or
+is less exact than this, ends there: p_s keeps the stiffness up, so that to follow so small a p
+would take pieces of a millionth of a strain."""
 
 PRESSURE_SCALE = 1e3
 """Pa; added to p where errors are made relative."""
@@ -228,11 +231,11 @@ class Yielding(NamedTuple):
             flow = torch.stack([rate[4] for rate in step.rates]).amin(dim=0)
             # A softening that no strain can follow has a negative flow.
             possible = (lowest >= 0.999999 * FLOOR) & (cone > 0.0) & (flow >= 0.0)
+            error = torch.where(possible, self._error(step, read), torch.inf)
             # One whose p rises at first is cut instead: the long piece misjudges it.
             falls = (begin[0] <= NEAR_FLOOR * FLOOR) & (step.rates[0][0] <= 0.0)
-            ends = ~possible & active & falls
-            error = self._error(step, read)
-            error = torch.where(active, torch.where(possible, error, torch.inf), 0.0)
+            ends = active & falls & (error > NEAR_FLOOR_ERROR)
+            error = torch.where(active, error, 0.0)
         if ends.any():
             # Once more without them, so that what they ran into touches no gradient.
             return self._ended(begin, ends)
