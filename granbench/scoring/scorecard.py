@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
-from granbench.axes import COST
+from granbench.axes import COST, PHYSICS
 
 ALL = "all"
 
@@ -93,8 +93,16 @@ class Scorecard(_Record):
 
     @property
     def perfect(self) -> bool:
-        """Whether every error is exactly zero, as only the truth itself can be; cost is none."""
-        return not any(score.value for score in self.scores if score.axis != COST)
+        """Whether every error against the records is exactly zero, as only the truth can be.
+
+        Laws and costs say nothing of it: persistence breaks no law.
+        """
+        errors = [
+            score.value
+            for score in self.scores
+            if score.axis not in (PHYSICS, COST) and score.status == "scored"
+        ]
+        return bool(errors) and not any(errors)
 
     def find(self, protocol: str, split: str, metric: str, group: str = ALL) -> Score:
         """One score.

@@ -249,7 +249,7 @@ def test_a_forged_ground_truth_is_found_out(plane_submission):
     content.to_netcdf(predictions)
     honest = read_submission(file)
     reference = honest.predictions.model_copy(update={"sha256": file_digest(predictions)})
-    forged = rescored(honest.model_copy(update={"predictions": reference}), file.parent, sealed)
+    forged = rescored(honest.model_copy(update={"predictions": reference}), file, sealed)
     write_submission(forged, file)
     best = next(score for score in forged.scores if score.metric == "recomputed_mse_worst")
     assert best.value == 0.0

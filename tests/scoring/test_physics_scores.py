@@ -67,6 +67,7 @@ def test_no_response_is_no_violation(responded, truth, normalisation, tmp_path):
     rollout = card.find("rollout", "test", "stress_mse_mean")
     assert rollout.status == "not_run" and "rollout" in rollout.reason
     assert card.curves == ()
+    assert not card.perfect  # no law tells the truth from a model
 
 
 def test_changes_of_stress_count_in_training_deviations(responded, truth, normalisation):
@@ -237,7 +238,7 @@ def test_cost_is_averaged_over_seeds_and_compared_with_the_truth(truth, normalis
     assert found["update_seconds_100"].value == pytest.approx(3e-6, rel=1e-4)
     assert found["update_seconds_10000"].unit == "s"
     assert found["update_ratio_10000"].value == pytest.approx(4.0, rel=1e-4)
-    assert not card.perfect or all(score.axis == "cost" for score in card.scores if score.value)
+    assert not card.perfect  # nothing is known of its errors
 
 
 def test_what_is_not_known_of_cost_has_a_reason(truth, normalisation):
