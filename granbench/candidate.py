@@ -35,6 +35,7 @@ class Candidate:
     baseline : the registered baseline that it is, if it is one
     training_data : what it was trained on, as far as its files say
     training_seconds : how long each seed was trained, as far as its files say
+    folders : where the trained model of each seed lies
     """
 
     name: str
@@ -42,6 +43,7 @@ class Candidate:
     baseline: Baseline | None = None
     training_data: str | None = None
     training_seconds: Mapping[int, float] = field(default_factory=dict)
+    folders: Mapping[int, Path] = field(default_factory=dict)
 
     @property
     def trained(self) -> bool:
@@ -92,10 +94,39 @@ def find_candidate(
         folders = [Path(model)]
         model = _architecture(folders[0])
     if folders:
-        return _trained(model, records, folders, seeds)
+        return registered_candidate(model, records, folders=folders, seeds=seeds)
     if model in MODELS or (Path(model).suffix == ".json" and Path(model).is_file()):
         return _closed_form(model, records, seeds)
-    return _untrained(model, records, seeds)
+    if Path(model).exists():
+        raise ModelError(
+            f"{Path(model)}: holds no {DESCRIPTION_FILE}; give the folder that `granbench train` "
+            "wrote"
+        )
+    return registered_candidate(model, records, seeds=seeds)
+
+
+def registered_candidate(
+    name: str,
+    records: xr.Dataset,
+    *,
+    folders: Sequence[Path] = (),
+    seeds: Sequence[int] | None = None,
+) -> Candidate:
+    """The cells of a registered baseline, whatever lies where the command is run.
+
+    Parameters
+    ----------
+    name : of a baseline, nothing else
+    records, folders, seeds : as for `find_candidate`
+
+    Raises
+    ------
+    ConfigurationError, ModelError
+        As `find_candidate`.
+    """
+    if folders:
+        return _trained(name, records, folders, seeds)
+    return _untrained(name, records, seeds)
 
 
 def _manufactured(
@@ -128,7 +159,8 @@ def _trained(
         for seed, folder in zip(labels, folders, strict=True)
         if isinstance(seconds := _training(folder).get("seconds"), int | float)
     }
-    return Candidate(name, cells, baseline, _training_data(folders, records), times)
+    places = dict(zip(labels, folders, strict=True))
+    return Candidate(name, cells, baseline, _training_data(folders, records), times, places)
 
 
 def _closed_form(model: str, records: xr.Dataset, seeds: Sequence[int] | None) -> Candidate:
@@ -147,11 +179,6 @@ def _closed_form(model: str, records: xr.Dataset, seeds: Sequence[int] | None) -
 
 def _untrained(name: str, records: xr.Dataset, seeds: Sequence[int] | None) -> Candidate:
     """A baseline that needs no training: one cell for all seeds, which are of the noise."""
-    if Path(name).exists():
-        raise ModelError(
-            f"{Path(name)}: holds no {DESCRIPTION_FILE}; give the folder that `granbench train` "
-            "wrote"
-        )
     baseline = find_baseline(name)
     if baseline.presets:
         raise ModelError(

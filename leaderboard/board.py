@@ -1,4 +1,4 @@
-"""The board's folder: accepted submissions, one JSON and one netCDF file each, by task."""
+"""The board's folder: accepted submissions by task, each with its predictions or its model."""
 
 import re
 import shutil
@@ -8,9 +8,11 @@ from pathlib import Path
 import xarray as xr
 
 from granbench.errors import ConfigurationError, SubmissionError
+from granbench.leaderboard.model_files import moved
+from granbench.leaderboard.rerunning import Told
 from granbench.leaderboard.submission import Submission, read_submission, write_submission
 from granbench.leaderboard.validation import validate
-from granbench.whole_file import whole_file
+from granbench.whole_file import cannot_write, whole_file
 
 MINIMUM_SEEDS = 3
 
@@ -46,20 +48,25 @@ def slug(name: str) -> str:
 
 
 def accept(
-    file: Path, folder: Path, dataset: xr.Dataset | None = None, *, replace: bool = False
+    file: Path,
+    folder: Path,
+    dataset: xr.Dataset | None = None,
+    *,
+    replace: bool = False,
+    progress: Told | None = None,
 ) -> Path:
-    """Validate a submission and copy it and its predictions onto the board.
+    """Validate a submission and copy it and its predictions, or its model, onto the board.
 
     Parameters
     ----------
     file : the submission's JSON file
     folder : the board's folder
-    dataset : see `validate`
+    dataset, progress : see `validate`
     replace : whether a submission of the same name may be replaced
 
     Returns
     -------
-    The accepted JSON file, with the badge `rescored`
+    The accepted JSON file, with the badge `rescored` or `rerun`
 
     Raises
     ------
@@ -67,7 +74,7 @@ def accept(
         If it is not valid, was not evaluated on every axis or for three seeds, is on the board
         already, or the folder cannot be written to.
     """
-    submission = validate(file, dataset)
+    submission = validate(file, dataset, progress=progress)
     if len(submission.seeds) < MINIMUM_SEEDS:
         raise SubmissionError(
             f"{file}: the board needs at least {MINIMUM_SEEDS} seeds, this has "
@@ -81,12 +88,26 @@ def accept(
     stem = slug(submission.name)
     target = folder / submission.task / f"{stem}.json"
     _refuse_duplicates(submission, file, target, replace)
-    source = file.parent / submission.predictions.file
-    predictions = target.with_suffix(".nc")
-    reference = submission.predictions.model_copy(update={"file": predictions.name})
-    _copy(source, predictions)
-    write_submission(submission.model_copy(update={"predictions": reference}), target)
+    write_submission(_taken_along(submission, file.parent, target), target)
     return target
+
+
+def _taken_along(submission: Submission, source: Path, target: Path) -> Submission:
+    """Copy what bears a submission out beside its place on the board; nothing older stays."""
+    predictions, model = target.with_suffix(".nc"), f"{target.stem}.model"
+    if submission.model is not None:
+        try:
+            moved_model = moved(submission.model, source, target.parent, model)
+        except OSError as error:
+            raise SubmissionError(cannot_write(target, error)) from error
+        predictions.unlink(missing_ok=True)
+        return submission.model_copy(update={"model": moved_model})
+    if submission.predictions is not None:
+        _copy(source / submission.predictions.file, predictions)
+        reference = submission.predictions.model_copy(update={"file": predictions.name})
+        submission = submission.model_copy(update={"predictions": reference})
+    shutil.rmtree(target.parent / model, ignore_errors=True)
+    return submission
 
 
 def accepted(folder: Path) -> list[Row]:
@@ -109,11 +130,21 @@ def _refuse_duplicates(submission: Submission, file: Path, target: Path, replace
                 f"{file}: {other.name!r} is on the board of {other.task} already; choose another "
                 "name, or give --replace"
             )
-        if row.file != target and other.predictions.sha256 == submission.predictions.sha256:
+        if row.file != target and _what_bears_out(other) == _what_bears_out(submission):
+            what = "its predictions are those" if submission.predictions else "its model is that"
             raise SubmissionError(
-                f"{file}: its predictions are those of {other.name!r}, which is on the board "
-                "already; submit a model once"
+                f"{file}: {what} of {other.name!r}, which is on the board already; submit a model "
+                "once"
             )
+
+
+def _what_bears_out(submission: Submission) -> tuple[object, ...]:
+    """What no two submissions may share."""
+    model = submission.model
+    if model is None:
+        return (submission.predictions.sha256 if submission.predictions else None,)
+    digests = sorted(file.sha256 for file in model.files)
+    return (submission.task, submission.dataset.version, model.baseline, *digests)
 
 
 def _copy(source: Path, target: Path) -> None:

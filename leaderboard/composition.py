@@ -1,15 +1,18 @@
-"""From predictions to the two files of a submission."""
+"""From predictions to the files of a submission."""
 
 import os
 import re
+import shutil
 import tempfile
 from pathlib import Path
 
 import xarray as xr
 
+from granbench.candidate import Candidate
 from granbench.data.normalisation import Normalisation
 from granbench.data.splits import split_hash
 from granbench.errors import ConfigurationError, SubmissionError
+from granbench.leaderboard.model_files import export
 from granbench.leaderboard.submission import (
     About,
     DatasetReference,
@@ -51,8 +54,17 @@ def check_target(out: Path) -> Path:
     return out.with_suffix(".nc")
 
 
-def compose(predictions: xr.Dataset, dataset: xr.Dataset, about: About, out: Path) -> Submission:
-    """Score predictions as they are stored, and write them and the submission, both or none.
+def compose(
+    predictions: xr.Dataset,
+    dataset: xr.Dataset,
+    about: About,
+    out: Path,
+    *,
+    model: Candidate | None = None,
+) -> Submission:
+    """Score predictions as they are stored, and write the submission and what bears it out.
+
+    All files appear, or none.
 
     Parameters
     ----------
@@ -60,13 +72,15 @@ def compose(predictions: xr.Dataset, dataset: xr.Dataset, about: About, out: Pat
     dataset : the whole records of the task
     about : what the submitter says; who scores zero everywhere becomes the ceiling
     out : the submission's JSON file; the predictions get the same name ending in .nc
+    model : kept in place of the predictions, in a folder of that name ending in .model
 
     Raises
     ------
     ConfigurationError
         See `check_target`.
     SubmissionError
-        If the files cannot be written, or the predictions do not fit the dataset.
+        If the files cannot be written, the predictions do not fit the dataset, or the model is
+        more than data.
     """
     final = check_target(out)
     described = predictions.assign_attrs(
@@ -77,8 +91,17 @@ def compose(predictions: xr.Dataset, dataset: xr.Dataset, about: About, out: Pat
             file, text = Path(folder) / final.name, Path(folder) / out.name
             write_predictions(described, file)
             submission = _scored(file, dataset, about)
-            write_submission(submission, text)
-            os.replace(file, final)
+            if model is None:
+                write_submission(submission, text)
+                os.replace(file, final)
+            else:
+                name = f"{out.stem}.model"
+                reference = export(model, Path(folder), name)
+                submission = submission.model_copy(update={"predictions": None, "model": reference})
+                write_submission(submission, text)
+                shutil.rmtree(out.with_name(name), ignore_errors=True)
+                if reference.files:
+                    os.replace(Path(folder) / name, out.with_name(name))
             os.replace(text, out)
     except OSError as error:
         raise SubmissionError(cannot_write(out, error)) from error

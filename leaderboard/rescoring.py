@@ -1,7 +1,8 @@
-"""Score the board again under a new version of the metrics, from the predictions that lie there.
+"""Score the board again under a new version of the metrics, from what lies there.
 
 ``python -m granbench.leaderboard.rescoring`` from the root of the checkout, whenever
-`METRIC_VERSION` was raised. An axis that the predictions say nothing of is `not_run` afterwards.
+`METRIC_VERSION` was raised. An axis that predictions say nothing of is `not_run` afterwards; a
+model is run again on the axes that it was evaluated on.
 """
 
 from collections.abc import Iterator
@@ -12,21 +13,25 @@ import xarray as xr
 from granbench.data.normalisation import Normalisation
 from granbench.data.store import load
 from granbench.leaderboard.board import accepted, default_folder
+from granbench.leaderboard.rerunning import rerun
 from granbench.leaderboard.submission import Submission, write_submission
 from granbench.predictions import evaluated, open_predictions
 from granbench.scoring import METRIC_VERSION, score
 
 
-def rescored(submission: Submission, folder: Path, records: xr.Dataset) -> Submission:
-    """A submission with the scores that this version makes from its predictions.
+def rescored(submission: Submission, file: Path, records: xr.Dataset) -> Submission:
+    """A submission with the scores that this version makes from its predictions or its model.
 
     Parameters
     ----------
     submission : whatever version its scores follow
-    folder : where its predictions lie
+    file : its JSON file, the others beside it
     records : the whole dataset of its task
     """
-    predictions = open_predictions(folder / submission.predictions.file)
+    if submission.predictions is None:
+        predictions = rerun(submission, records, file)
+    else:
+        predictions = open_predictions(file.parent / submission.predictions.file)
     card = score(predictions, evaluated(records), Normalisation.from_training(records))
     return submission.model_copy(
         update={
@@ -49,7 +54,7 @@ def rescore(folder: Path) -> Iterator[Path]:
         if row.submission.metric_version != METRIC_VERSION:
             dataset = row.submission.dataset
             with load(f"{dataset.name}@{dataset.version}") as records:
-                write_submission(rescored(row.submission, row.file.parent, records), row.file)
+                write_submission(rescored(row.submission, row.file, records), row.file)
             yield row.file
 
 

@@ -51,6 +51,43 @@ class PredictionsReference(_Record):
     bytes: int = Field(gt=0)
 
 
+class ModelFile(_Record):
+    """One file of a model that lies beside the submission; it holds data, no code."""
+
+    path: Annotated[
+        str,
+        StringConstraints(
+            pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*(/\d+)?/[a-z]+\.(json|safetensors)$"
+        ),
+    ] = Field(description="from the submission's folder: NAME.model/[SEED/]FILE")
+    seed: int | None = Field(default=None, ge=0, description="whose it is; null: of every seed")
+    sha256: Sha256
+    bytes: int = Field(gt=0, le=50_000_000)
+
+
+class ModelReference(_Record):
+    """The model itself, which validation runs again: only data and GranBench's own code.
+
+    Either the parameters of a classical model, one file; or a baseline of GranBench, with the
+    files of every seed where it was trained.
+    """
+
+    baseline: Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9-]*$")] | None = Field(
+        default=None, description="name of a baseline of GranBench; null: a classical model"
+    )
+    files: tuple[ModelFile, ...] = ()
+
+    @model_validator(mode="after")
+    def _whole(self) -> "ModelReference":
+        if self.baseline is None and [file.seed for file in self.files] != [None]:
+            raise ValueError("without a baseline it needs one parameter file, of every seed")
+        if self.baseline is not None and any(file.seed is None for file in self.files):
+            raise ValueError("every file of a trained baseline needs its seed")
+        if len({file.path for file in self.files}) < len(self.files):
+            raise ValueError("a file is named twice")
+        return self
+
+
 class Environment(_Record):
     """What the model ran in; no host names."""
 
@@ -107,13 +144,16 @@ class About(_Record):
 class Submission(About):
     """A row of the leaderboard, with everything needed to check it."""
 
-    schema_version: Literal["1.0"] = "1.0"
+    schema_version: Literal["1.0", "1.1"] = "1.1"
     metric_version: str
     task: Line
     dataset: DatasetReference
     seeds: tuple[int, ...] = Field(min_length=1)
     environment: Environment
-    predictions: PredictionsReference
+    predictions: PredictionsReference | None = Field(
+        default=None, description="or else `model`; one of the two bears the scores out"
+    )
+    model: ModelReference | None = None
     badge: Literal["claimed", "rescored", "rerun"] = Field(
         default="claimed",
         description="as submitted; recomputed from the predictions; run again by the maintainers",
@@ -121,6 +161,12 @@ class Submission(About):
     normalisation: Scales
     scores: tuple[Score, ...] = Field(min_length=1)
     curves: tuple[Curve, ...] = ()
+
+    @model_validator(mode="after")
+    def _borne_out(self) -> "Submission":
+        if (self.predictions is None) == (self.model is None):
+            raise ValueError("it needs either `predictions` or `model` to bear its scores out")
+        return self
 
     @model_validator(mode="after")
     def _nothing_twice(self) -> "Submission":

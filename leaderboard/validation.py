@@ -1,6 +1,5 @@
 """Validation: a submission is believed only as far as its predictions bear it out."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -12,37 +11,40 @@ from granbench.data.registry import entry
 from granbench.data.splits import split_hash
 from granbench.data.store import load
 from granbench.errors import GranbenchError, SubmissionError
+from granbench.leaderboard.agreement import RERUN, RESCORED, compare
+from granbench.leaderboard.rerunning import Told, rerun
 from granbench.leaderboard.submission import Submission, file_digest, read_submission
 from granbench.predictions import evaluated, open_predictions
-from granbench.scoring import METRIC_VERSION, Curve, Score, score
+from granbench.scoring import METRIC_VERSION, score
 from granbench.scoring.scorecard import Scorecard
 from granbench.scoring.statistics import align
 
-RELATIVE_TOLERANCE = 1e-6
-"""Scores carry nine digits; sums in another order on another machine agree to twelve."""
-ABSOLUTE_TOLERANCE = 1e-15
 TRUTH_TOLERANCE = 1e-3
 """By which a recomputed ground truth may differ, in training standard deviations or relative to a
 larger stress: machines round differently, and error control then takes other steps."""
 
 
-def validate(path: Path, dataset: xr.Dataset | None = None) -> Submission:
-    """Score a submission again from its predictions and compare every number.
+def validate(
+    path: Path, dataset: xr.Dataset | None = None, *, progress: Told | None = None
+) -> Submission:
+    """Score a submission again and compare every number.
 
     Parameters
     ----------
-    path : the submission's JSON file, its predictions beside it
+    path : the submission's JSON file, its predictions or its model beside it
     dataset : the whole records of the task; the registered dataset that it names by default
+    progress : called while a model is run, with the seed and what was done
 
     Returns
     -------
-    The submission, with the badge `rescored`
+    The submission, with the badge `rescored` where the scores come from its predictions, or
+    `rerun` where its model was run again
 
     Raises
     ------
     SubmissionError
-        If the file breaks the schema, refers to another dataset, lacks its predictions, or
-        holds a number that they do not give.
+        If the file breaks the schema, refers to another dataset, lacks its predictions or its
+        model, or holds a number that they do not give.
     """
     submission = read_submission(path)
     if submission.metric_version != METRIC_VERSION:
@@ -52,12 +54,11 @@ def validate(path: Path, dataset: xr.Dataset | None = None) -> Submission:
         )
     records = dataset if dataset is not None else _registered(submission, path)
     _check_dataset(submission, records, path)
-    predictions = _checked_predictions(submission, path)
-    truth = evaluated(records)
-    normalisation = Normalisation.from_training(records)
-    card = score(predictions, truth, normalisation)
-    _compare(submission, card, path)
-    _check_noised_truth(predictions, truth, normalisation, path)
+    if submission.model is None:
+        card, badge, how = _rescored(submission, records, path), "rescored", RESCORED
+    else:
+        card, badge, how = _rerun(submission, records, path, progress), "rerun", RERUN
+    compare(submission, card, path, how)
     if card.perfect and submission.role == "model":
         raise SubmissionError(
             f"{path}: every error is exactly zero, which only the truth itself can be; submit "
@@ -68,7 +69,24 @@ def validate(path: Path, dataset: xr.Dataset | None = None) -> Submission:
             f"{path}: role is 'ceiling', but its errors are not zero; a ceiling is shown the "
             "truth: set role to 'model'"
         )
-    return submission.model_copy(update={"badge": "rescored"})
+    return submission.model_copy(update={"badge": badge})
+
+
+def _rescored(submission: Submission, records: xr.Dataset, path: Path) -> Scorecard:
+    """The scores that the predictions give."""
+    predictions = _checked_predictions(submission, path)
+    truth, normalisation = evaluated(records), Normalisation.from_training(records)
+    card = score(predictions, truth, normalisation)
+    _check_noised_truth(predictions, truth, normalisation, path)
+    return card
+
+
+def _rerun(
+    submission: Submission, records: xr.Dataset, path: Path, progress: Told | None
+) -> Scorecard:
+    """The scores that the model gives."""
+    predictions = rerun(submission, records, path, progress)
+    return score(predictions, evaluated(records), Normalisation.from_training(records))
 
 
 def _registered(submission: Submission, path: Path) -> xr.Dataset:
@@ -102,6 +120,8 @@ def _check_dataset(submission: Submission, records: xr.Dataset, path: Path) -> N
 
 
 def _checked_predictions(submission: Submission, path: Path) -> xr.Dataset:
+    if submission.predictions is None:
+        raise SubmissionError(f"{path}: has no predictions; run `granbench evaluate` again")
     file = path.parent / submission.predictions.file
     if not file.is_file():
         raise SubmissionError(
@@ -150,72 +170,3 @@ def _check_noised_truth(
                     f"{path}: the predictions' ground truth for {name}, seed {seed}, is not what "
                     "the ground truth gives; run `granbench evaluate` again"
                 )
-
-
-def _compare(submission: Submission, card: Scorecard, path: Path) -> None:
-    claimed = {item.key: item for item in submission.scores}
-    for score_again in card.scores:
-        label = " / ".join(score_again.key)
-        if score_again.key not in claimed:
-            raise SubmissionError(f"{path}: score {label} is missing; submit every score")
-        difference = _difference(claimed.pop(score_again.key), score_again)
-        if difference:
-            raise SubmissionError(f"{path}: score {label} cannot be reproduced: {difference}")
-    if claimed:
-        label = " / ".join(next(iter(claimed)))
-        raise SubmissionError(f"{path}: score {label} is not one of this benchmark; remove it")
-    curves = {item.key: item for item in submission.curves}
-    for curve_again in card.curves:
-        label = " / ".join(curve_again.key)
-        if curve_again.key not in curves:
-            raise SubmissionError(f"{path}: curve {label} is missing; submit every curve")
-        if not _same_curve(curves.pop(curve_again.key), curve_again):
-            raise SubmissionError(
-                f"{path}: curve {label} cannot be reproduced from the predictions"
-            )
-    if curves:
-        label = " / ".join(next(iter(curves)))
-        raise SubmissionError(f"{path}: curve {label} is not one of this benchmark; remove it")
-    scales, again = submission.normalisation, card.normalisation
-    same = scales.stress.keys() == again.stress.keys() and all(
-        _close(scales.stress[name], again.stress[name]) for name in again.stress
-    )
-    if not (same and _close(scales.void_ratio, again.void_ratio)):
-        raise SubmissionError(
-            f"{path}: normalisation is not the standard deviation of the training split"
-        )
-
-
-def _difference(claimed: Score, again: Score) -> str | None:
-    for field in ("status", "unit", "n", "reason"):
-        one, other = getattr(claimed, field), getattr(again, field)
-        if one != other:
-            return f"its {field} is {one!r}, the predictions give {other!r}"
-    for field in ("value", "low", "high"):
-        one, other = getattr(claimed, field), getattr(again, field)
-        if not _close(one, other):
-            return f"its {field} is {one}, the predictions give {other}"
-    if not _all_close(claimed.by_seed, again.by_seed):
-        return "its values by seed differ from those of the predictions"
-    return None
-
-
-def _same_curve(claimed: Curve, again: Curve) -> bool:
-    return (claimed.horizon, claimed.n, claimed.unit) == (
-        again.horizon,
-        again.n,
-        again.unit,
-    ) and all(
-        _all_close(getattr(claimed, name), getattr(again, name))
-        for name in ("value", "low", "high")
-    )
-
-
-def _all_close(ones: tuple[float, ...], others: tuple[float, ...]) -> bool:
-    return len(ones) == len(others) and all(map(_close, ones, others))
-
-
-def _close(one: float | None, other: float | None) -> bool:
-    if one is None or other is None:
-        return one is other
-    return math.isclose(one, other, rel_tol=RELATIVE_TOLERANCE, abs_tol=ABSOLUTE_TOLERANCE)

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from granbench.candidate import Candidate
+    from granbench.leaderboard.submission import Submission
+
+KEPT = ("predictions", "model")
 
 HOUSE_AUTHORS = "The GranBench authors"
 HOUSE_LICENCE = "BSD-3-Clause"
@@ -57,6 +60,10 @@ def evaluate(
     training_data: Annotated[
         str | None, typer.Option("--training-data", help="What it was trained on.")
     ] = None,
+    keep: Annotated[
+        str,
+        typer.Option("--keep", help="What bears the scores out: predictions, or the model itself."),
+    ] = "predictions",
     against: Annotated[
         list[Path] | None,
         typer.Option("--against", help="Submission to compare with in the table."),
@@ -66,12 +73,17 @@ def evaluate(
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
 ) -> None:
-    """Score a model on every axis of a task and write its submission and predictions."""
+    """Score a model on every axis of a task and write its submission and predictions.
+
+    With --keep model the model is written in place of its predictions; for baselines of
+    GranBench and classical models, which are run again wherever the scores are checked.
+    """
     from granbench.axes import AXES, chosen_axes
     from granbench.candidate import find_candidate
     from granbench.cli.score_tables import tables
     from granbench.data.verification import task_file
     from granbench.leaderboard.composition import check_target, compose
+    from granbench.leaderboard.model_files import require_data_only
     from granbench.leaderboard.submission import About, read_submission
     from granbench.predictions import evaluated
     from granbench.protocols import predict, progress_parts
@@ -80,9 +92,14 @@ def evaluate(
     numbers = _numbers(seeds)
     axes = chosen_axes(axis or AXES)
     check_target(out)
+    if keep not in KEPT:
+        raise ConfigurationError(f"--keep {keep!r} must be one of {', '.join(KEPT)}")
     others = [read_submission(path) for path in against or ()]
     with open_records(task_file(task)) as records:
         candidate = find_candidate(model, records, folders=model_dir or (), seeds=numbers)
+        kept = candidate if keep == "model" else None
+        if kept is not None:
+            require_data_only(kept)  # before minutes of work
         about = About.checked(
             name=name or candidate.name,
             title=title or getattr(candidate.baseline, "title", None),
@@ -92,23 +109,32 @@ def evaluate(
             parameters=candidate.parameters,
             training_data=training_data or _training_data(candidate, records.attrs),
             licence=licence or (HOUSE_LICENCE if candidate.baseline else "not stated"),
-            command=_command(model, task, axis, model_dir, candidate.cells, out),
+            command=_command(model, task, axis, model_dir, candidate.cells, keep, out),
         )
         runs = len(candidate.cells) * progress_parts(axes)
-        with _bar(runs, about.name, quiet or as_json) as advance:
+        with evaluation_bar(runs, about.name, quiet or as_json) as advance:
             predictions = predict(
                 candidate.cells, evaluated(records).load(), axes,
                 training_seconds=candidate.training_seconds, progress=advance,
             )  # fmt: skip
-        submission = compose(predictions, records, about, out)
+        submission = compose(predictions, records, about, out, model=kept)
     if as_json:
         typer.echo(out.read_text(encoding="utf-8"))
     elif not quiet:
         console = Console()
         for table in tables(submission, others):
             console.print(table)
+        typer.echo(_written(submission, out))
+
+
+def _written(submission: "Submission", out: Path) -> str:
+    if submission.predictions is not None:
         megabytes = submission.predictions.bytes / 1e6
-        typer.echo(f"{out} and {submission.predictions.file} ({megabytes:.1f} MB) are written")
+        return f"{out} and {submission.predictions.file} ({megabytes:.1f} MB) are written"
+    if submission.model is not None and submission.model.files:
+        folder = submission.model.files[0].path.split("/")[0]
+        return f"{out} and the model in {folder} are written"
+    return f"{out} is written; its model needs no file"
 
 
 def _numbers(seeds: str | None) -> list[int] | None:
@@ -144,6 +170,7 @@ def _command(
     axes: Sequence[str] | None,
     folders: Sequence[Path] | None,
     seeds: Any,
+    keep: str,
     out: Path,
 ) -> str:
     """The command as it can be shown: folders by their last name only."""
@@ -153,12 +180,16 @@ def _command(
         words += ["--axis", axis]
     for folder in folders or ():
         words += ["--model-dir", folder.resolve().name]
-    words += ["--seeds", ",".join(map(str, seeds)), "--out", out.name]
+    words += ["--seeds", ",".join(map(str, seeds))]
+    if keep != KEPT[0]:
+        words += ["--keep", keep]
+    words += ["--out", out.name]
     return shlex.join(words)
 
 
 @contextmanager
-def _bar(runs: int, name: str, hidden: bool) -> Iterator["Callable[[int, str], None]"]:
+def evaluation_bar(runs: int, name: str, hidden: bool) -> Iterator["Callable[[int, str], None]"]:
+    """A bar on the terminal's stderr that moves with every part of an evaluation."""
     console = Console(stderr=True)
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()

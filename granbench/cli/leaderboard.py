@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from granbench.cli.submission import Dataset, File, Json, Quiet
+from granbench.cli.submission import Dataset, File, Json, Quiet, rerun_bar
 from granbench.errors import ConfigurationError
 
 app = typer.Typer(help="The leaderboard: accept submissions, build the site.", no_args_is_help=True)
@@ -28,21 +28,24 @@ def add(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Validate a submission and copy it, with its predictions, onto the board."""
+    """Validate a submission and copy it, with its predictions or its model, onto the board."""
     from granbench.data.verification import task_file
     from granbench.leaderboard.board import accept, default_folder
+    from granbench.leaderboard.submission import read_submission
     from granbench.records import open_records
 
     folder = board or default_folder()
-    if dataset is None:
-        target = accept(file, folder, replace=replace)
-    else:
-        with open_records(task_file(dataset)) as records:
-            target = accept(file, folder, records, replace=replace)
+    with rerun_bar(file, quiet or as_json) as progress:
+        if dataset is None:
+            target = accept(file, folder, replace=replace, progress=progress)
+        else:
+            with open_records(task_file(dataset)) as records:
+                target = accept(file, folder, records, replace=replace, progress=progress)
+    badge = read_submission(target).badge
     if as_json:
-        typer.echo(json.dumps({"accepted": str(target), "badge": "rescored"}, indent=2))
+        typer.echo(json.dumps({"accepted": str(target), "badge": badge}, indent=2))
     elif not quiet:
-        typer.echo(f"{file} is accepted as {target}")
+        typer.echo(f"{file} is accepted as {target}, {badge}")
 
 
 @app.command()

@@ -3,6 +3,7 @@
 import json
 import re
 
+import numpy as np
 import pytest
 import xarray as xr
 from plane_records import plane_records
@@ -312,3 +313,30 @@ def test_a_damaged_model_description_is_named(granbench, task, tmp_path):
     (tmp_path / "model").mkdir()
     (tmp_path / "model" / "model.json").write_text("{")
     refused(granbench("evaluate", "model", "--task", task, "--out", "m.json"), "model.json")
+
+
+def test_a_model_is_kept_in_place_of_its_predictions_and_run_again(granbench, tmp_path):
+    records = plane_records("gp-j2").drop_vars("tangent").isel(step=slice(0, 15))
+    split = records["split"].values.astype(str)
+    file = write_records(records.isel(path=np.isin(split, ["train", "test"])), tmp_path / "few.nc")
+    (tmp_path / "cells.py").write_text(MODEL)
+    parameters = write_parameters(find_model("j2")({"yield_stress": 7e4}), tmp_path / "soft.json")
+    evaluate = ("evaluate", parameters, "--task", file, "--axis", "rollout", "--keep")
+    code, out, _ = granbench(*evaluate, "model", "--out", "mine.json")
+    assert code == 0
+    assert "mine.json and the model in mine.model are written" in out.replace("\n", " ")
+    assert not (tmp_path / "mine.nc").exists()
+    assert "--keep model" in read_submission(tmp_path / "mine.json").command
+    code, out, _ = granbench("submission", "validate", "mine.json", "--dataset", file, "--json")
+    assert (code, json.loads(out)["badge"]) == (0, "rerun")
+    code, out, _ = granbench("submission", "validate", "mine.json", "--dataset", file)
+    assert "reproduced from the model, run again" in out.replace("\n", " ")
+    code, _, error = granbench(*evaluate, "everything", "--out", "mine.json")
+    assert code == 2
+    assert "--keep 'everything' must be one of predictions, model" in error
+    code, _, error = granbench(
+        "evaluate", "cells:cell", "--task", file, "--keep", "model", "--out", "own.json"
+    )
+    assert code == 2
+    assert "keep its predictions" in error
+    assert not (tmp_path / "own.json").exists()

@@ -1,0 +1,158 @@
+"""How closely numbers have to agree that were computed again."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from granbench.axes import COST, PHYSICS
+from granbench.checks import CHECKS
+from granbench.errors import SubmissionError
+from granbench.leaderboard.submission import Submission
+from granbench.scoring import Curve, Score
+from granbench.scoring.scorecard import Scorecard
+
+TIMED = "update_"
+"""Begins the metrics of the cost axis that are measured with a clock."""
+SHARES_OF_PATHS = ("diverged_share", "failed_share", "violated_share", "kink_share")
+"""A path, or what few points of it are checked, counts or does not."""
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Between claimed numbers and those of the maintainers.
+
+    Parameters
+    ----------
+    source : what the latter come from, for messages
+    relative, absolute : tolerances; the larger counts
+    one_more : whether a share of paths may differ by one of them, and a median step by one step
+    share : by which a share of steps may differ
+    of_checks : share of a physics check's tolerance by which its violation may differ
+    clock : factor between two timings
+    """
+
+    source: str
+    relative: float
+    absolute: float
+    one_more: bool = False
+    share: float = 0.0
+    of_checks: float = 0.0
+    clock: float = 1.0
+
+    def holds(self, score: Score, claimed: float | None, again: float | None) -> bool:
+        """Whether two values of a score agree."""
+        if claimed is None or again is None:
+            return claimed is again
+        if score.axis == COST and score.metric.startswith(TIMED):
+            ratio = claimed / again if again > 0.0 else math.inf
+            return self.close(claimed, again) or 1.0 / self.clock <= ratio <= self.clock
+        return self.close(claimed, again, self._slack(score))
+
+    def close(self, claimed: float | None, again: float | None, slack: float = 0.0) -> bool:
+        """Whether two numbers agree, apart from what they mean."""
+        if claimed is None or again is None:
+            return claimed is again
+        return math.isclose(
+            claimed, again, rel_tol=self.relative, abs_tol=max(self.absolute, slack)
+        )
+
+    def _slack(self, score: Score) -> float:
+        if self.one_more and score.unit == "step":
+            return 1.0
+        if self.one_more and score.metric in SHARES_OF_PATHS:
+            return 1.0 / max(score.n, 1)
+        if score.metric.endswith("_share"):
+            return self.share
+        if score.axis == PHYSICS and score.protocol in CHECKS:
+            # Where nothing is allowed, a share of a path's steps is counted: a few of them.
+            return self.of_checks * (CHECKS[score.protocol].tolerance or 0.1)
+        return 0.0
+
+
+RESCORED = Agreement("the predictions", relative=1e-6, absolute=1e-15)
+"""Scores carry nine digits; sums in another order on another machine agree to twelve."""
+
+RERUN = Agreement(
+    "the model, run again",
+    relative=1e-3,
+    absolute=1e-8,
+    one_more=True,
+    share=1e-3,
+    of_checks=0.1,
+    clock=10.0,
+)
+"""The last bits of a run differ between machines, 1e-16 in double and 1e-7 in single precision a
+step; error control and recurrent networks enlarge that, and what is rounded to 15 bits then moves
+by 3e-5 now and then: some 1e-9 in a squared error. A value that lies on a limit may fall on its
+other side. No ranking hangs on a thousandth. Clocks of machines, and of one machine on a busy day,
+differ by a few times; ten is a claim about another model."""
+
+
+def compare(submission: Submission, card: Scorecard, path: object, how: Agreement) -> None:
+    """Refuse a submission unless every score, curve and scale agrees.
+
+    Raises
+    ------
+    SubmissionError
+        Naming the first that is missing, is not one of this benchmark, or differs.
+    """
+    claimed = {item.key: item for item in submission.scores}
+    for score_again in card.scores:
+        label = " / ".join(score_again.key)
+        if score_again.key not in claimed:
+            raise SubmissionError(f"{path}: score {label} is missing; submit every score")
+        difference = _difference(claimed.pop(score_again.key), score_again, how)
+        if difference:
+            raise SubmissionError(f"{path}: score {label} cannot be reproduced: {difference}")
+    if claimed:
+        label = " / ".join(next(iter(claimed)))
+        raise SubmissionError(f"{path}: score {label} is not one of this benchmark; remove it")
+    curves = {item.key: item for item in submission.curves}
+    for curve_again in card.curves:
+        label = " / ".join(curve_again.key)
+        if curve_again.key not in curves:
+            raise SubmissionError(f"{path}: curve {label} is missing; submit every curve")
+        if not _same_curve(curves.pop(curve_again.key), curve_again, how):
+            raise SubmissionError(f"{path}: curve {label} cannot be reproduced from {how.source}")
+    if curves:
+        label = " / ".join(next(iter(curves)))
+        raise SubmissionError(f"{path}: curve {label} is not one of this benchmark; remove it")
+    scales, again = submission.normalisation, card.normalisation
+    same = scales.stress.keys() == again.stress.keys() and all(
+        RESCORED.close(scales.stress[name], again.stress[name]) for name in again.stress
+    )
+    if not (same and RESCORED.close(scales.void_ratio, again.void_ratio)):
+        raise SubmissionError(
+            f"{path}: normalisation is not the standard deviation of the training split"
+        )
+
+
+def _difference(claimed: Score, again: Score, how: Agreement) -> str | None:
+    for field in ("status", "unit", "n", "reason"):
+        one, other = getattr(claimed, field), getattr(again, field)
+        if one != other:
+            return f"its {field} is {one!r}, but {other!r} from {how.source}"
+    for field in ("value", "low", "high"):
+        one, other = getattr(claimed, field), getattr(again, field)
+        if not how.holds(again, one, other):
+            return f"its {field} is {one}, but {other} from {how.source}"
+    if len(claimed.by_seed) != len(again.by_seed) or not all(
+        how.holds(again, *pair) for pair in zip(claimed.by_seed, again.by_seed, strict=True)
+    ):
+        return f"its values by seed differ from those from {how.source}"
+    return None
+
+
+def _same_curve(claimed: Curve, again: Curve, how: Agreement) -> bool:
+    return (claimed.horizon, claimed.n, claimed.unit) == (
+        again.horizon,
+        again.n,
+        again.unit,
+    ) and all(
+        _all_close(getattr(claimed, name), getattr(again, name), how)
+        for name in ("value", "low", "high")
+    )
+
+
+def _all_close(ones: Sequence[float], others: Sequence[float], how: Agreement) -> bool:
+    return len(ones) == len(others) and all(map(how.close, ones, others))

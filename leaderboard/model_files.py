@@ -1,0 +1,213 @@
+"""The model beside a submission: put there, taken along, and made to run again.
+
+Only data is taken: the parameters of a classical model, or what a baseline of GranBench itself was
+trained to. The code that runs them is the checkout's own; nobody else's is ever imported.
+"""
+
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import xarray as xr
+
+from granbench.baseline import DESCRIPTION_FILE, ENTRY_POINTS
+from granbench.candidate import Candidate, find_candidate, registered_candidate
+from granbench.errors import GranbenchError, SubmissionError
+from granbench.leaderboard.submission import ModelFile, ModelReference, file_digest
+from granbench.models import MODELS
+from granbench.models.classical import ClassicalCell
+from granbench.models.parameter_file import write_parameters
+
+PARAMETERS = "parameters.json"
+TRAINED_FILES = (DESCRIPTION_FILE, "model.safetensors", PARAMETERS)
+"""What a trained baseline may consist of; its other files are of the training."""
+DISTRIBUTION = "granbench"
+
+
+def require_data_only(candidate: Candidate) -> None:
+    """Make sure that a model can be run again from data and the code of GranBench.
+
+    Raises
+    ------
+    SubmissionError
+        If it is more than that.
+    """
+    if candidate.baseline is not None:
+        _require_own(candidate.baseline.name)
+    else:
+        _classical(candidate)
+
+
+def _classical(candidate: Candidate) -> ClassicalCell:
+    """The one classical model of all seeds; SubmissionError if it is anything else."""
+    cell = candidate.cell
+    one_for_all = all(other is cell for other in candidate.cells.values())
+    # The class itself: one derived from it would be a stranger's code.
+    if isinstance(cell, ClassicalCell) and type(cell) in MODELS.values() and one_for_all:
+        return cell
+    raise SubmissionError(
+        f"{candidate.name} cannot be run again from data alone: it is neither a baseline of "
+        "GranBench nor a classical model with one set of parameters; keep its predictions"
+    )
+
+
+def export(candidate: Candidate, folder: Path, name: str) -> ModelReference:
+    """Put a model beside a submission.
+
+    Parameters
+    ----------
+    candidate : the model
+    folder : the submission's
+    name : of the model's own folder in it, made when it has files
+
+    Returns
+    -------
+    What the submission says of it
+
+    Raises
+    ------
+    SubmissionError
+        See `require_data_only`.
+    """
+    require_data_only(candidate)
+    if candidate.baseline is not None:
+        copied = [
+            (seed, _copied(place / file, folder / name / str(seed) / file))
+            for seed, place in candidate.folders.items()
+            for file in TRAINED_FILES
+            if (place / file).is_file()
+        ]
+        return ModelReference(
+            baseline=candidate.baseline.name,
+            files=tuple(_described(path, folder, seed) for seed, path in copied),
+        )
+    (folder / name).mkdir(exist_ok=True)
+    file = write_parameters(_classical(candidate), folder / name / PARAMETERS)
+    return ModelReference(files=(_described(file, folder, None),))
+
+
+def _require_own(baseline: str) -> None:
+    for point in entry_points(group=ENTRY_POINTS, name=baseline):
+        if point.dist is not None and point.dist.name.lower() == DISTRIBUTION:
+            return
+    raise SubmissionError(
+        f"{baseline!r} is no baseline of GranBench itself, and no other code is run; keep its "
+        "predictions"
+    )
+
+
+def _copied(source: Path, target: Path) -> Path:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(source, target)
+    return target
+
+
+def _described(file: Path, folder: Path, seed: int | None) -> ModelFile:
+    return ModelFile(
+        path=file.relative_to(folder).as_posix(),
+        seed=seed,
+        sha256=file_digest(file),
+        bytes=file.stat().st_size,
+    )
+
+
+def moved(reference: ModelReference, folder: Path, target: Path, name: str) -> ModelReference:
+    """Copy a model's files from one submission's folder to another's.
+
+    Parameters
+    ----------
+    reference : the model
+    folder : where its paths begin
+    target : where the new ones do
+    name : of the model's own folder there, which is replaced
+
+    Returns
+    -------
+    The model with its new paths
+    """
+    shutil.rmtree(target / name, ignore_errors=True)
+    files = []
+    for file in reference.files:
+        path = "/".join([name, *file.path.split("/")[1:]])
+        _copied(folder / file.path, target / path)
+        files.append(file.model_copy(update={"path": path}))
+    return reference.model_copy(update={"files": tuple(files)})
+
+
+@contextmanager
+def restored(
+    reference: ModelReference, submission: Path, seeds: Sequence[int], records: xr.Dataset
+) -> Iterator[Candidate]:
+    """The model as it was evaluated, from its files.
+
+    Parameters
+    ----------
+    reference : the model
+    submission : the JSON file that it lies beside
+    seeds : that it was evaluated for
+    records : the whole dataset of the task
+
+    Raises
+    ------
+    SubmissionError
+        If a file is missing, is not the one that was submitted, or is no model; or if the
+        baseline is not GranBench's own.
+    """
+    if reference.baseline is not None:
+        _require_own(reference.baseline)
+    for file in reference.files:
+        _check(file, submission)
+    with tempfile.TemporaryDirectory() as private:
+        # Only what was checked is where the model is loaded from.
+        for file in reference.files:
+            _copied(submission.parent / file.path, _place(file, Path(private)))
+        try:
+            candidate = _candidate(reference, Path(private), seeds, records)
+        except GranbenchError as error:
+            text = str(error).replace(f"{private}/", "")
+            raise SubmissionError(f"{submission}: its model cannot be loaded: {text}") from error
+        yield candidate
+
+
+def _check(file: ModelFile, submission: Path) -> None:
+    path = submission.parent / file.path
+    if path.name not in TRAINED_FILES:
+        raise SubmissionError(
+            f"{submission}: {file.path} is no file of a model; those are {', '.join(TRAINED_FILES)}"
+        )
+    if not path.is_file():
+        raise SubmissionError(
+            f"{submission}: the model's file {file.path} is missing; put it beside the submission"
+        )
+    if path.stat().st_size != file.bytes or file_digest(path) != file.sha256:
+        raise SubmissionError(
+            f"{submission}: {file.path} is not the file that its digest was made of; submit the "
+            "model that the scores were made with"
+        )
+
+
+def _place(file: ModelFile, folder: Path) -> Path:
+    name = Path(file.path).name
+    return folder / name if file.seed is None else folder / str(file.seed) / name
+
+
+def _candidate(
+    reference: ModelReference, folder: Path, seeds: Sequence[int], records: xr.Dataset
+) -> Candidate:
+    if reference.baseline is None:
+        return find_candidate(str(_place(reference.files[0], folder)), records, seeds=seeds)
+    trained = {file.seed: folder / str(file.seed) for file in reference.files}
+    _require_seeds(trained, seeds)
+    return registered_candidate(
+        reference.baseline, records, folders=list(trained.values()), seeds=seeds
+    )
+
+
+def _require_seeds(trained: Mapping[int | None, Path], seeds: Sequence[int]) -> None:
+    if trained and list(trained) != list(seeds):
+        raise SubmissionError(
+            f"seeds are {list(seeds)}, but its files are of {list(trained)}; they must agree"
+        )

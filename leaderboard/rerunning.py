@@ -1,0 +1,57 @@
+"""Running a submitted model again."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import xarray as xr
+
+from granbench.axes import AXES
+from granbench.errors import SubmissionError
+from granbench.leaderboard.model_files import restored
+from granbench.leaderboard.submission import Submission
+from granbench.predictions import evaluated
+
+Told = Callable[[int, str], None]
+"""Called with the seed and what was done."""
+
+
+def rerun(
+    submission: Submission, records: xr.Dataset, path: Path, progress: Told | None = None
+) -> xr.Dataset:
+    """Predictions of a submission's model for the axes that it was evaluated on.
+
+    Parameters
+    ----------
+    submission : with a model
+    records : the whole dataset of its task
+    path : the submission's JSON file, the model beside it
+    progress : called after each part
+
+    Raises
+    ------
+    SubmissionError
+        If there is no model, it cannot be loaded, or it is not what the submission says of it.
+    """
+    from granbench.protocols import predict
+
+    if submission.model is None:
+        raise SubmissionError(f"{path}: has no model to run again")
+    with restored(submission.model, path, submission.seeds, records) as candidate:
+        if submission.parameters != candidate.parameters:
+            raise SubmissionError(
+                f"{path}: parameters is {submission.parameters}, but the model has "
+                f"{candidate.parameters}"
+            )
+        return predict(
+            candidate.cells,
+            evaluated(records).load(),
+            run_axes(submission),
+            training_seconds=candidate.training_seconds,
+            progress=progress,
+        )
+
+
+def run_axes(submission: Submission) -> tuple[str, ...]:
+    """The axes that a submission was evaluated on."""
+    left_out = {score.axis for score in submission.scores if score.status == "not_run"}
+    return tuple(axis for axis in AXES if axis not in left_out)
