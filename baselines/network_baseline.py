@@ -113,7 +113,7 @@ class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
             # reach less.
             torch.backends.cudnn.allow_tf32 = False
         validation = select_split(records, "validation")
-        trained_on = _identity(records)
+        trained_on = identity_of(records)
         outcome = train(
             network,
             self.source(network, training, device),
@@ -179,7 +179,8 @@ def usable_device(name: str) -> torch.device:
     return device
 
 
-def _identity(records: xr.Dataset) -> dict[str, Any]:
+def identity_of(records: xr.Dataset) -> dict[str, Any]:
+    """Name, version and content hash of what a model was trained on."""
     content = records.attrs.get("content_sha256") or dataset_hash(content_hashes(records))
     return {
         "dataset": str(records.attrs.get("dataset", "")),

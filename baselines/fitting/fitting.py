@@ -1,7 +1,7 @@
 """Fit a classical model to laboratory tests."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import torch
 import xarray as xr
@@ -36,6 +36,10 @@ CANDIDATES = 4
 
 RANDOM_FIRSTS = 256
 TINY = 1e-6
+
+MOST_ATTEMPTS = 80
+"""Pieces of an increment that a fit tries; beyond them the model counts as lost there. Sensible
+parameters need some ten, and one point that needs thousands would hold up all others."""
 
 SAME_COST = 1e-3
 """Relative difference of two sums of squares below which two starts found the same minimum."""
@@ -172,7 +176,7 @@ def fit(
             f"{cell.name} has {cell.order} components, laboratory tests principal ones; make the "
             "cell in the principal order"
         )
-    space = ParameterSpace.of(cell, settings.free)
+    space = ParameterSpace.of(searching_cell(cell), settings.free)
     problem = Problem(space, _batches(tests, settings))
     minimum = _searched(problem, settings, on)
     best = int(minimum.cost.argmin())
@@ -209,6 +213,14 @@ def fit(
     )
 
 
+def searching_cell(cell: ClassicalCell) -> ClassicalCell:
+    """A copy of the cell that gives up sooner."""
+    copy = cell.copy_with({})
+    if copy.substepping is not None:
+        copy.substepping = replace(copy.substepping, most=MOST_ATTEMPTS)
+    return copy
+
+
 def _batches(tests: Sequence[LaboratoryTest], settings: FitSettings) -> list[TestBatch]:
     return batches_of(
         tests, control=settings.control, points=settings.points, weights=settings.weights
@@ -216,13 +228,13 @@ def _batches(tests: Sequence[LaboratoryTest], settings: FitSettings) -> list[Tes
 
 
 def _searched(problem: Problem, settings: FitSettings, on: OnIteration | None) -> Minimum:
-    vectors = _possible_starts(problem, settings)
+    vectors = possible_starts(problem, settings)
     if settings.effort.adam_iterations:
         vectors = adam(problem, vectors, settings.effort, on)
     return levenberg_marquardt(problem, vectors, settings.effort, on)
 
 
-def _possible_starts(problem: Problem, settings: FitSettings) -> Tensor:
+def possible_starts(problem: Problem, settings: FitSettings) -> Tensor:
     """First vectors (start, parameter) with which the model can start every test.
 
     The first is that of the cell's own values or, where they cannot start the tests, the nearest

@@ -82,7 +82,10 @@ def adam(problem: Problem, vectors: Tensor, effort: Effort, on: OnIteration | No
         optimiser.zero_grad()
         loss = problem.loss(vectors)
         # The logarithm makes a start far from the data move like one that is near.
-        loss.clamp(min=torch.finfo(loss.dtype).tiny).log().sum().backward()
+        reached = loss[loss.isfinite()]
+        if not reached.requires_grad:
+            break
+        reached.clamp(min=torch.finfo(loss.dtype).tiny).log().sum().backward()
         with torch.no_grad():
             better = loss < lowest
             best = torch.where(better[:, None], vectors, best)
@@ -103,6 +106,7 @@ def levenberg_marquardt(
     effort: Effort,
     on: OnIteration | None = None,
     offset: Tensor | None = None,
+    stop: Callable[[], bool] | None = None,
 ) -> Minimum:
     """Minimise |r(u) + offset|^2 from every start, each with a damping of its own.
 
@@ -113,6 +117,7 @@ def levenberg_marquardt(
     effort : when to stop
     on : called after each iteration
     offset : (start, residual), added to the residuals; the bootstrap puts its noise there
+    stop : asked before each iteration; true ends the search where it is
 
     References
     ----------
@@ -133,7 +138,7 @@ def levenberg_marquardt(
     normal = torch.zeros(count, size, size, dtype=torch.float64)
     gradient = torch.zeros(count, size, dtype=torch.float64)
     for iteration in range(effort.iterations):
-        if not running.any():
+        if not running.any() or (stop is not None and stop()):
             break
         if (fresh := torch.nonzero(running & stale).flatten()).numel():
             residual, jacobian = problem.linearised(vectors[fresh])

@@ -82,21 +82,6 @@ class ParameterSpace:
                 for place, parameter in enumerate(self.parameters)
             }
 
-    def starts(self, count: int, spread: float, seed: int) -> Tensor:
-        """First vectors (count, size): zero, the cell's own values, and normal ones about it.
-
-        Parameters
-        ----------
-        count : of starts
-        spread : standard deviation; 1 scatters a positive parameter by a factor e
-        seed : of the random numbers
-        """
-        generator = torch.Generator().manual_seed(seed)
-        shape = (count, self.size)
-        vectors = spread * torch.randn(shape, generator=generator, dtype=torch.float64)
-        vectors[0] = 0.0
-        return vectors
-
     def per_point(self, vectors: Tensor, tests: int) -> dict[str, Tensor]:
         """Unconstrained parameters (point,) by name, for points vector by vector, then test."""
         columns = (vectors * self.scale).unbind(dim=1)

@@ -94,13 +94,20 @@ class Problem:
         return torch.cat(residuals, dim=1), torch.cat(jacobians, dim=1)
 
     def loss(self, vectors: Tensor) -> Tensor:
-        """Sum of squares (vector,) with gradients, by back-propagation through the sequences."""
-        total = torch.zeros(len(vectors), dtype=torch.float64)
+        """Sum of squares (vector,) with gradients, by back-propagation through the sequences.
+
+        Infinite, without a gradient, where the model cannot start with a vector.
+        """
+        possible = self.can_start(vectors.detach())
+        infinite = torch.full((len(vectors),), torch.inf, dtype=torch.float64)
+        if not possible.any():
+            return infinite
+        total = torch.zeros(int(possible.sum()), dtype=torch.float64)
         for batch in self.batches:
-            predicted = differentiable_quantities(self.space, vectors, batch)
+            predicted = differentiable_quantities(self.space, vectors[possible], batch)
             residual = _weighted_errors(predicted, batch)
             total = total + (residual**2).sum(dim=1)
-        return total
+        return infinite.masked_scatter(possible, total)
 
     def _residuals(self, vectors: Tensor, batch: TestBatch) -> tuple[Tensor, Prediction]:
         prediction = predict(self.space, vectors, batch)

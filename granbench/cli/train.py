@@ -121,8 +121,16 @@ def _epoch_bar(name: str, quiet: bool) -> Iterator[Callable[["EpochReport"], Non
             bar.update(
                 task,
                 completed=report.progress,
-                losses=f"epoch {report.epoch}, validation {report.validation_loss:.2e}, "
-                f"best {report.best_loss:.2e}",
+                losses=_losses(report),
             )
 
         yield show
+
+
+def _losses(report: "EpochReport") -> str:
+    if math.isnan(report.validation_loss):  # a fit, which asks the validation split at its end
+        return f"iteration {report.epoch}, training {report.training_loss:.2e}"
+    return (
+        f"epoch {report.epoch}, validation {report.validation_loss:.2e}, "
+        f"best {report.best_loss:.2e}"
+    )

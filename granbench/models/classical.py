@@ -16,6 +16,7 @@ from granbench.cell import Conditions, MaterialCell, StateLayout
 from granbench.errors import ModelError
 from granbench.models.components import TensorRows, tensor_rows
 from granbench.models.parameters import Constants, Parameter
+from granbench.models.substepping import Substepping
 from granbench.tensors import COMPONENT_ORDERS
 
 OUT_OF_PLANE = "out_of_plane_stress"
@@ -50,6 +51,7 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
     internal_tensors : tensors beside the stress, such as `plastic_strain`; their components are
         internal variables `plastic_strain_xx` and so on, in the order of `rows`
     internal_variables : scalars beside the stress, after the tensors, under their dataset names
+    substepping : how finely increments are cut; None where they are not
 
     Raises
     ------
@@ -65,6 +67,7 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
     holds_without_stress: ClassVar[bool] = False
     internal_tensors: ClassVar[tuple[str, ...]] = ()
     internal_variables: ClassVar[tuple[str, ...]] = ()
+    substepping: Substepping | None = None
 
     def __init__(
         self,

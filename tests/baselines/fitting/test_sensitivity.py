@@ -24,7 +24,8 @@ def problem(request: pytest.FixtureRequest) -> Problem:
 
 @pytest.fixture(scope="module")
 def vectors(problem: Problem) -> torch.Tensor:
-    return problem.space.starts(2, 0.3, seed=1)
+    generator = torch.Generator().manual_seed(1)
+    return 0.3 * torch.randn(2, problem.space.size, generator=generator, dtype=torch.float64)
 
 
 def test_jacobian_agrees_with_central_differences(problem: Problem, vectors: torch.Tensor) -> None:

@@ -1,0 +1,136 @@
+"""`granbench fit`: from a laboratory file to parameters that the other commands take."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from granbench.cli import main
+from granbench.data.store import load
+
+sys.path.append(str(Path(__file__).parents[1] / "laboratory"))
+from laboratory_files import drained_curve, write_csv
+
+HEADERS = ["eps1 [%]", "epsv [%]", "q [kPa]", "p [kPa]", "e"]
+QUICK = ("--starts", "2", "--points", "12", "--iterations", "25", "--quiet")
+
+
+def run(*words: object) -> int:
+    with pytest.raises(SystemExit) as exit_:
+        main([str(word) for word in words])
+    return int(exit_.value.code or 0)
+
+
+def answer_of(parameters: Path, out: Path, pressure: float = 1e5) -> np.ndarray:
+    words = ("--control", "triaxial-drained", "--p0", pressure, "--strain", "0.05", "--steps", "20")
+    assert run("drive", "j2-hardening", "--params", parameters, *words, "--out", out, "-q") == 0
+    return np.genfromtxt(out, delimiter=",", names=True)
+
+
+@pytest.fixture(scope="module")
+def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A drained test of J2 with hardening, written as a laboratory would: % and kPa."""
+    folder = tmp_path_factory.mktemp("laboratory")
+    true = folder / "true.json"
+    true.write_text(
+        json.dumps(
+            {
+                "model": "j2-hardening",
+                "parameter_set": "guan2023-sec6.6",
+                "parameters": {"bulk_modulus": 9e5, "shear_modulus": 6e5},
+            }
+        )
+    )
+    test = answer_of(true, folder / "test.csv")
+    # The driven strain is logarithmic; a laboratory divides by the first height.
+    axial = 100.0 * -np.expm1(-test["eps_11"])
+    volume = 100.0 * -np.expm1(-(test["eps_11"] + test["eps_22"] + test["eps_33"]))
+    q = (test["sig_11"] - test["sig_33"]) / 1e3
+    p = (test["sig_11"] + test["sig_22"] + test["sig_33"]) / 3e3
+    return write_csv(folder / "cd.csv", HEADERS[:4], [axial, volume, q, p])
+
+
+def test_fitted_parameters_are_recovered_and_drive_the_same_curve(
+    laboratory: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "fit"
+    assert run("fit", "j2-hardening", "--data", laboratory, "--out", out, *QUICK) == 0
+    report = json.loads((out / "fit.json").read_text())
+    found = json.loads((out / "parameters.json").read_text())["parameters"]
+    # The file keeps twelve digits; the elastic moduli act on every point.
+    assert found["bulk_modulus"] == pytest.approx(9e5, rel=1e-4)
+    assert found["shear_modulus"] == pytest.approx(6e5, rel=1e-4)
+    assert report["error"] < 1e-5
+    assert (out / "fit.png").stat().st_size > 10_000
+    fitted = answer_of(out / "parameters.json", tmp_path / "again.csv")
+    truth = np.genfromtxt(laboratory.parent / "test.csv", delimiter=",", names=True)
+    np.testing.assert_allclose(fitted["sig_11"], truth["sig_11"], rtol=1e-5)
+
+
+def test_a_fitted_cell_is_scored_like_any_model(laboratory: Path, tmp_path: Path) -> None:
+    out, card = tmp_path / "fit", tmp_path / "card.json"
+    assert run("fit", "j2", "--data", laboratory, "--out", out, *QUICK) == 0
+    task = ("--task", "gp-j2-mini", "--axis", "rollout", "--seeds", "0")
+    assert run("evaluate", out / "parameters.json", *task, "--out", card, "--quiet") == 0
+    scores = json.loads(card.read_text())["scores"]
+    found = [s for s in scores if s["metric"] == "stress_mse_mean" and s["status"] == "scored"]
+    assert found
+    assert all(score["value"] > 0.0 for score in found)
+
+
+def test_a_test_that_is_left_out_is_predicted_and_printed(
+    laboratory: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other.csv"
+    other.write_text(laboratory.read_text())
+    words = ("fit", "j2", "--data", laboratory, "--leave-out", other, "--out", tmp_path / "fit")
+    assert run(*words, *QUICK[:-1]) == 0
+    assert "left out" in capsys.readouterr().out
+    errors = json.loads((tmp_path / "fit" / "fit.json").read_text())["errors"]
+    assert [error["role"] for error in errors] == ["fitted", "left out"]
+    # It is a copy of the fitted one: predicted as well as that, to the last digit.
+    assert errors[0]["error"] == errors[1]["error"]
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "named"),
+    [
+        ({"q [kPa]": lambda q: 1e6 * q}, (), ["q", "kPa"]),
+        ({"q [kPa]": lambda q: np.where(q > 100.0, np.nan, q)}, (), ["q [kPa]", "row"]),
+        ({}, ("--free", "stiffness"), ["stiffness", "shear_modulus"]),
+        ({}, ("--leave-out", "nothing.csv"), ["nothing.csv"]),
+        ({}, ("--weight", "colour=2"), ["colour"]),
+    ],
+    ids=["wrong unit", "not a number", "unknown parameter", "no file", "unknown quantity"],
+)
+def test_a_mistake_is_one_sentence_and_leaves_nothing(
+    change: dict, words: tuple, named: list[str], tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    columns = dict(zip(HEADERS, drained_curve().values(), strict=True))
+    for header, spoil in change.items():
+        columns[header] = spoil(columns[header])
+    data = write_csv(tmp_path / "cd.csv", HEADERS, list(columns.values()))
+    out = tmp_path / "fit"
+    assert run("fit", "j2", "--data", data, "--out", out, *words, *QUICK) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert all(word in said for word in named), said
+    assert not out.exists()
+
+
+def test_an_unknown_model_and_four_points_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    curve = [column[:4] for column in drained_curve().values()]
+    data = write_csv(tmp_path / "cd.csv", HEADERS, curve)
+    assert run("fit", "j3", "--data", data, "--out", tmp_path / "fit") == 2
+    assert "j2" in capsys.readouterr().err
+    assert run("fit", "j2", "--data", data, "--out", tmp_path / "fit") == 2
+    assert "4 rows" in capsys.readouterr().err
+
+
+def test_the_mini_tier_is_there_to_be_scored_on() -> None:
+    assert load("gp-j2-mini").sizes["path"] > 0
