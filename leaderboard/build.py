@@ -184,6 +184,9 @@ def _page(
         "submissions": sorted(submissions, key=lambda item: (item.role != "model", item.name)),
         "dataset": submissions[0].dataset,
         "scatter": scatter,
+        "void_ratio": any(
+            score.metric == "void_ratio_mse_mean" and score.value for score in scores
+        ),
         "leader": views[0].leader,
     }
 

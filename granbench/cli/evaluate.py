@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from granbench.leaderboard.submission import Submission
 
 KEPT = ("predictions", "model")
+ROLES = ("model", "floor")
 
 HOUSE_AUTHORS = "The GranBench authors"
 HOUSE_LICENCE = "BSD-3-Clause"
@@ -60,6 +61,10 @@ def evaluate(
     training_data: Annotated[
         str | None, typer.Option("--training-data", help="What it was trained on.")
     ] = None,
+    role: Annotated[
+        str | None,
+        typer.Option("--role", help="model or floor; a floor frames the table and is not ranked."),
+    ] = None,
     keep: Annotated[
         str,
         typer.Option("--keep", help="What bears the scores out: predictions, or the model itself."),
@@ -92,8 +97,8 @@ def evaluate(
     numbers = _numbers(seeds)
     axes = chosen_axes(axis or AXES)
     check_target(out)
-    if keep not in KEPT:
-        raise ConfigurationError(f"--keep {keep!r} must be one of {', '.join(KEPT)}")
+    _require_one_of("--keep", keep, KEPT)
+    _require_one_of("--role", role or ROLES[0], ROLES)
     others = [read_submission(path) for path in against or ()]
     with open_records(task_file(task)) as records:
         candidate = find_candidate(model, records, folders=model_dir or (), seeds=numbers)
@@ -105,7 +110,7 @@ def evaluate(
             title=title or getattr(candidate.baseline, "title", None),
             authors=_authors(authors, candidate),
             code=code,
-            role="model" if candidate.trained else "floor",
+            role=role or ("model" if candidate.trained else "floor"),
             parameters=candidate.parameters,
             training_data=training_data or _training_data(candidate, records.attrs),
             licence=licence or (HOUSE_LICENCE if candidate.baseline else "not stated"),
@@ -125,6 +130,11 @@ def evaluate(
         for table in tables(submission, others):
             console.print(table)
         typer.echo(_written(submission, out))
+
+
+def _require_one_of(option: str, given: str, allowed: Sequence[str]) -> None:
+    if given not in allowed:
+        raise ConfigurationError(f"{option} {given!r} must be one of {', '.join(allowed)}")
 
 
 def _written(submission: "Submission", out: Path) -> str:

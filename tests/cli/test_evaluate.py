@@ -322,11 +322,13 @@ def test_a_model_is_kept_in_place_of_its_predictions_and_run_again(granbench, tm
     (tmp_path / "cells.py").write_text(MODEL)
     parameters = write_parameters(find_model("j2")({"yield_stress": 7e4}), tmp_path / "soft.json")
     evaluate = ("evaluate", parameters, "--task", file, "--axis", "rollout", "--keep")
-    code, out, _ = granbench(*evaluate, "model", "--out", "mine.json")
+    code, out, _ = granbench(*evaluate, "model", "--role", "floor", "--out", "mine.json")
     assert code == 0
     assert "mine.json and the model in mine.model are written" in out.replace("\n", " ")
     assert not (tmp_path / "mine.nc").exists()
-    assert "--keep model" in read_submission(tmp_path / "mine.json").command
+    written = read_submission(tmp_path / "mine.json")
+    assert "--keep model" in written.command
+    assert written.role == "floor"
     code, out, _ = granbench("submission", "validate", "mine.json", "--dataset", file, "--json")
     assert (code, json.loads(out)["badge"]) == (0, "rerun")
     code, out, _ = granbench("submission", "validate", "mine.json", "--dataset", file)
@@ -334,6 +336,9 @@ def test_a_model_is_kept_in_place_of_its_predictions_and_run_again(granbench, tm
     code, _, error = granbench(*evaluate, "everything", "--out", "mine.json")
     assert code == 2
     assert "--keep 'everything' must be one of predictions, model" in error
+    code, _, error = granbench(*evaluate, "model", "--role", "ceiling", "--out", "mine.json")
+    assert code == 2
+    assert "--role 'ceiling' must be one of model, floor" in error
     code, _, error = granbench(
         "evaluate", "cells:cell", "--task", file, "--keep", "model", "--out", "own.json"
     )
