@@ -126,8 +126,9 @@ def levenberg_marquardt(
     """
     count, size = vectors.shape
     vectors = vectors.clone()
-    noise = torch.zeros(count, 1, dtype=torch.float64) if offset is None else offset
-    cost = ((problem.residuals(vectors) + noise) ** 2).sum(dim=1)
+    noise = torch.zeros(count, 1).double() if offset is None else offset
+    at = problem.evaluated(vectors)
+    cost = ((at.residuals + noise) ** 2).sum(dim=1)
     damping = torch.full((count,), FIRST_DAMPING, dtype=torch.float64)
     growth = torch.full((count,), DAMPING_UP, dtype=torch.float64)
     converged = torch.zeros(count, dtype=torch.bool)
@@ -141,35 +142,39 @@ def levenberg_marquardt(
         if not running.any() or (stop is not None and stop()):
             break
         if (fresh := torch.nonzero(running & stale).flatten()).numel():
-            residual, jacobian = problem.linearised(vectors[fresh])
-            residual = residual + noise[fresh]
+            known = at.of(fresh)
+            jacobian = problem.jacobian(vectors[fresh], known)
+            residual = known.residuals + noise[fresh]
             normal[fresh] = jacobian.mT @ jacobian
             gradient[fresh] = torch.einsum("vrp,vr->vp", jacobian, residual)
-        at = torch.nonzero(running).flatten()
-        step = _damped_step(normal[at], gradient[at], damping[at])
-        trial = (vectors[at] + step).clamp(-FARTHEST, FARTHEST)
-        trial_cost = ((problem.residuals(trial) + noise[at]) ** 2).sum(dim=1)
-        before = cost[at]
+        going = torch.nonzero(running).flatten()
+        step = _damped_step(normal[going], gradient[going], damping[going])
+        trial = (vectors[going] + step).clamp(-FARTHEST, FARTHEST)
+        answer = problem.evaluated(trial)
+        trial_cost = ((answer.residuals + noise[going]) ** 2).sum(dim=1)
+        before = cost[going]
         better = trial_cost < before
         gain = (before - trial_cost) / before.clamp(min=torch.finfo(cost.dtype).tiny)
-        moved = (trial - vectors[at]).abs().amax(dim=1)
-        calm[at] = torch.where(better & (gain < effort.tolerance), calm[at] + 1, 0)
-        settled = (calm[at] >= CALM_STEPS) | (moved < SMALLEST_STEP)
-        vectors[at] = torch.where(better[:, None], trial, vectors[at])
-        cost[at] = torch.where(better, trial_cost, before)
-        stale[at] = better
-        promised = -(2.0 * gradient[at] * step).sum(dim=1)
-        promised = promised - torch.einsum("vp,vpq,vq->v", step, normal[at], step)
+        moved = (trial - vectors[going]).abs().amax(dim=1)
+        calm[going] = torch.where(better & (gain < effort.tolerance), calm[going] + 1, 0)
+        settled = (calm[going] >= CALM_STEPS) | (moved < SMALLEST_STEP)
+        vectors[going] = torch.where(better[:, None], trial, vectors[going])
+        gained = torch.nonzero(better).flatten()
+        at = at.replaced(going[gained], answer.of(gained))
+        cost[going] = torch.where(better, trial_cost, before)
+        stale[going] = better
+        promised = -(2.0 * gradient[going] * step).sum(dim=1)
+        promised = promised - torch.einsum("vp,vpq,vq->v", step, normal[going], step)
         ratio = (before - trial_cost) / promised.clamp(min=torch.finfo(cost.dtype).tiny)
         fall = (1.0 - (2.0 * ratio - 1.0) ** 3).clamp(GREATEST_FALL, DAMPING_UP)
-        factor = torch.where(better, fall, growth[at])
-        growth[at] = torch.where(better, DAMPING_UP, 2.0 * growth[at])
-        damping[at] = (damping[at] * factor).clamp(min=SMALLEST_DAMPING)
-        iterations[at] += 1
+        factor = torch.where(better, fall, growth[going])
+        growth[going] = torch.where(better, DAMPING_UP, 2.0 * growth[going])
+        damping[going] = (damping[going] * factor).clamp(min=SMALLEST_DAMPING)
+        iterations[going] += 1
         # Damped beyond measure without a gain: the point is a minimum to rounding, or a kink.
-        settled |= damping[at] > LARGEST_DAMPING
-        converged[at] = settled
-        running[at] = ~settled
+        settled |= damping[going] > LARGEST_DAMPING
+        converged[going] = settled
+        running[going] = ~settled
         if on is not None:
             on("levenberg-marquardt", iteration + 1, float(cost.min()))
     return Minimum(vectors, cost, converged, iterations)

@@ -21,6 +21,32 @@ LOST = 3.0
 
 
 @dataclass(frozen=True)
+class Evaluation:
+    """What parameter vectors predict, and how far it is from what was measured.
+
+    Parameters
+    ----------
+    residuals : (vector, residual); infinite where the model cannot start with a vector
+    predictions : one a batch, of all vectors; NaN there
+    """
+
+    residuals: Tensor
+    predictions: tuple[Prediction, ...]
+
+    def of(self, vectors: Tensor) -> "Evaluation":
+        """That of some vectors, by their places."""
+        return Evaluation(self.residuals[vectors], tuple(p.of(vectors) for p in self.predictions))
+
+    def replaced(self, vectors: Tensor, other: "Evaluation") -> "Evaluation":
+        """This one, with another at some vectors, by their places."""
+        pairs = zip(self.predictions, other.predictions, strict=True)
+        return Evaluation(
+            self.residuals.index_copy(0, vectors, other.residuals),
+            tuple(own.replaced(vectors, new) for own, new in pairs),
+        )
+
+
+@dataclass(frozen=True)
 class Problem:
     """Tests and the parameters that are to answer them.
 
@@ -64,34 +90,45 @@ class Problem:
             return torch.cat([self._can_start(half, batch) for half in halves])
         return torch.ones(len(vectors), dtype=torch.bool)
 
+    def evaluated(self, vectors: Tensor) -> Evaluation:
+        """What the vectors (vector, parameter) predict, with its residuals."""
+        possible = torch.nonzero(self.can_start(vectors)).flatten()
+        residuals, predictions = [], []
+        for batch in self.batches:
+            residual = torch.full((len(vectors), batch.observed.numel()), torch.inf).double()
+            prediction = Prediction.unknown(len(vectors), batch)
+            if len(possible):
+                found = predict(self.space, vectors[possible], batch)
+                prediction = prediction.replaced(possible, found)
+                residual[possible] = _weighted_errors(found.quantities(batch), batch)
+            residuals.append(residual)
+            predictions.append(prediction)
+        return Evaluation(torch.cat(residuals, dim=1), tuple(predictions))
+
     def residuals(self, vectors: Tensor) -> Tensor:
         """Residuals (vector, residual); infinite where the model cannot start with a vector."""
-        count = sum(batch.observed.numel() for batch in self.batches)
-        residuals = torch.full((len(vectors), count), torch.inf, dtype=torch.float64)
-        possible = self.can_start(vectors)
-        if possible.any():
-            parts = [self._residuals(vectors[possible], batch)[0] for batch in self.batches]
-            residuals[possible] = torch.cat(parts, dim=1)
-        return residuals
+        return self.evaluated(vectors).residuals
 
-    def linearised(self, vectors: Tensor) -> tuple[Tensor, Tensor]:
-        """Residuals (vector, residual) and their Jacobian (vector, residual, parameter).
+    def jacobian(self, vectors: Tensor, evaluation: Evaluation) -> Tensor:
+        """Derivatives of the residuals, (vector, residual, parameter).
 
-        Raises
-        ------
-        ModelError
-            If the model cannot start with a vector.
+        Parameters
+        ----------
+        vectors : (vector, parameter), with which the model can start
+        evaluation : of the same vectors
         """
-        residuals, jacobians = [], []
-        for batch in self.batches:
-            residual, prediction = self._residuals(vectors, batch)
+        parts = []
+        for batch, prediction in zip(self.batches, evaluation.predictions, strict=True):
             change = sensitivity(self.space, vectors, batch, prediction)
             reached = prediction.quantities(batch).isfinite()[..., None]
             change = torch.where(reached, change, 0.0).nan_to_num(posinf=0.0, neginf=0.0)
-            weighted = batch.residual_weight[None, ..., None] * change
-            residuals.append(residual)
-            jacobians.append(weighted.flatten(1, 3))
-        return torch.cat(residuals, dim=1), torch.cat(jacobians, dim=1)
+            parts.append((batch.residual_weight[None, ..., None] * change).flatten(1, 3))
+        return torch.cat(parts, dim=1)
+
+    def linearised(self, vectors: Tensor) -> tuple[Tensor, Tensor]:
+        """Residuals (vector, residual) and their Jacobian (vector, residual, parameter)."""
+        evaluation = self.evaluated(vectors)
+        return evaluation.residuals, self.jacobian(vectors, evaluation)
 
     def loss(self, vectors: Tensor) -> Tensor:
         """Sum of squares (vector,) with gradients, by back-propagation through the sequences.
@@ -108,10 +145,6 @@ class Problem:
             residual = _weighted_errors(predicted, batch)
             total = total + (residual**2).sum(dim=1)
         return infinite.masked_scatter(possible, total)
-
-    def _residuals(self, vectors: Tensor, batch: TestBatch) -> tuple[Tensor, Prediction]:
-        prediction = predict(self.space, vectors, batch)
-        return _weighted_errors(prediction.quantities(batch), batch), prediction
 
 
 def _weighted_errors(predicted: Tensor, batch: TestBatch) -> Tensor:

@@ -43,9 +43,26 @@ class Prediction:
     strain: Tensor
     stress: Tensor
 
+    @classmethod
+    def unknown(cls, vectors: int, batch: TestBatch) -> "Prediction":
+        """That of vectors of which nothing is known."""
+        nothing = torch.full((vectors, *batch.control.driven.shape), torch.nan).double()
+        return cls(nothing, nothing)
+
     def quantities(self, batch: TestBatch) -> Tensor:
         """What is compared, (vector, test, step, quantity)."""
         return batch.quantity(self.stress, self.strain)
+
+    def of(self, vectors: Tensor) -> "Prediction":
+        """That of some vectors, by their places."""
+        return Prediction(self.strain[vectors], self.stress[vectors])
+
+    def replaced(self, vectors: Tensor, other: "Prediction") -> "Prediction":
+        """This one, with another at some vectors, by their places."""
+        return Prediction(
+            self.strain.index_copy(0, vectors, other.strain),
+            self.stress.index_copy(0, vectors, other.stress),
+        )
 
 
 def predict(space: ParameterSpace, vectors: Tensor, batch: TestBatch) -> Prediction:
