@@ -57,11 +57,11 @@ CHECKS: dict[str, Check] = {
         Check(
             "tangent",
             "Tangent",
-            "norm of the difference between the tangent and central differences of `step`, "
-            "divided by the larger norm of the two",
+            "norm of the difference between the tangent and central differences of `step`, in "
+            "double precision, divided by the larger norm of the two",
             1e-3,
-            "differences of a network in single precision are true to some 3e-5; of CSUH, whose "
-            "error control takes other substeps nearby, to 5e-4",
+            "smooth responses agree to 1e-8; that of CSUH, whose error control takes other "
+            "substeps nearby, to 5e-4",
         ),
         Check(
             "zero-increment",

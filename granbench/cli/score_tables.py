@@ -160,7 +160,7 @@ def _cost(score: "Score") -> str:
         return f"{score.value:.3g}"
     if score.value < 1e-3:
         return f"{1e6 * score.value:.3g} µs"
-    return f"{score.value:.3g} s"
+    return f"{score.value:,.0f} s" if score.value >= 100.0 else f"{score.value:.3g} s"
 
 
 def _plain_table(title: str) -> Table:

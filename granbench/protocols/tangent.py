@@ -1,5 +1,6 @@
 """The tangent of a cell against differences of its own steps."""
 
+import copy
 from dataclasses import dataclass
 
 import torch
@@ -10,8 +11,8 @@ from granbench.errors import GranbenchError
 from granbench.protocols.surviving import FLOATING_FAILURES, Series, surviving, surviving_step
 
 WIDTHS = (1e-4, 1e-5, 1e-6, 1e-7)
-"""Half widths of the differences, strain. The widest sees curvature, the narrowest rounding in
-single precision; a tangent that is right agrees with one of them."""
+"""Half widths of the differences, strain. The widest sees curvature, the narrowest rounding; a
+tangent that is right agrees with one of them."""
 
 KINK = 0.1
 """Forward and backward differences that differ by more, relative to their norm, say that there
@@ -52,13 +53,40 @@ def tangent_obstacle(cell: MaterialCell, dstrain: Tensor, state: Tensor) -> str 
     return None
 
 
+def in_double_precision(cell: MaterialCell, dstrain: Tensor, state: Tensor) -> MaterialCell:
+    """A copy of a cell whose torch modules compute in double precision.
+
+    Differences of a network in single precision can be off by a tenth where its tangent is small.
+    A cell whose numbers are not in torch modules cannot be copied so, and is returned itself.
+
+    Parameters
+    ----------
+    dstrain, state : of points that the cell can be asked for
+    """
+    if cell.dtype == torch.float64:
+        return cell
+    try:
+        double = copy.deepcopy(cell)
+        double.dtype = torch.float64
+        for part in vars(double).values():
+            if isinstance(part, torch.nn.Module):
+                part.double()
+        if isinstance(double, torch.nn.Module):
+            double.double()
+        stress, _ = double.step(dstrain[:1].double(), state[:1].double())
+    except Exception:  # a stranger's cell: whatever it is, it can be asked in its own precision
+        return cell
+    return double if stress.dtype == torch.float64 else cell
+
+
 def tangent_errors(
     cell: MaterialCell, dstrain: Tensor, state: Tensor, stiffness: float
 ) -> TangentErrors:
     """Relative difference of `MaterialCell.tangent` and central differences of `step`.
 
-    At each of `WIDTHS` where forward and backward differences agree, the norm of the difference
-    is divided by the larger of the two norms; the smallest of the quotients counts.
+    Both are of the cell in double precision, where that can be had. At each of `WIDTHS` where
+    forward and backward differences agree, the norm of the difference is divided by the larger of
+    the two norms; the smallest of the quotients counts.
 
     Parameters
     ----------
@@ -66,6 +94,7 @@ def tangent_errors(
     state : (point, n_state)
     stiffness : Pa; norms below a thousandth of it are rounding, and count as that
     """
+    cell = in_double_precision(cell, dstrain, state)
     increment = dstrain.to(cell.dtype)
     start = state.to(cell.dtype)
     tangent = _tangents(cell, increment, start)

@@ -239,7 +239,47 @@ def test_a_kink_is_left_out_and_what_lies_beside_it_is_not() -> None:
     assert torch.isinf(found.error[0])
 
 
-def test_tangents_in_single_precision_agree_with_differences() -> None:
+def test_a_tangent_that_is_small_beside_the_rounding_of_the_stress_is_not_wrong() -> None:
+    """1e7 Pa in single precision is known to 1 Pa: differences of it say nothing of 1 MPa."""
+
+    class Soft(torch.nn.Module):
+        def __init__(self):
+            super().__init__()
+            self.base = torch.nn.Parameter(torch.tensor(1e7))
+
+        def forward(self, dstrain, stress):
+            return self.base + 1e6 * torch.tanh(dstrain)
+
+    dstrain = 1e-3 * torch.ones(5, 3, dtype=torch.float64)
+    found = tangent_errors(cell(Soft(), torch.float32), dstrain, torch.zeros_like(dstrain), SHEAR)
+    assert found.error.max() < 1e-6
+
+
+def test_a_cell_that_cannot_be_copied_into_double_precision_is_checked_as_it_is() -> None:
+    class Loose(MaterialCell):
+        name, order, dtype, layout = "loose", "plane", torch.float32, StateLayout.of(stress=3)
+        stiffness = torch.tensor([[2e6, 0.0, 0.0], [0.0, 2e6, 0.0], [0.0, 0.0, 2e6]])
+
+        def initial_state(self, conditions):
+            return conditions.stress
+
+        def step(self, dstrain, state):
+            stress = state + dstrain @ self.stiffness  # refuses doubles
+            return stress, stress
+
+    dstrain = 1e-3 * torch.ones(5, 3, dtype=torch.float64)
+    found = tangent_errors(Loose(), dstrain, torch.zeros_like(dstrain), SHEAR)
+    # Some roundings of 2e3 Pa over 2e-4.
+    assert found.error.max() < 1e-5 and not found.kink.any()
+
+
+def test_checking_leaves_a_cell_in_its_own_precision() -> None:
+    single = cell(Elastic(), torch.float32)
+    physics_card(single, plane_records())
+    assert single.dtype == torch.float32
+
+
+def test_tangents_of_a_network_agree_with_differences() -> None:
     torch.manual_seed(0)
     network = torch.nn.Sequential(torch.nn.Linear(3, 20), torch.nn.Tanh(), torch.nn.Linear(20, 3))
 
