@@ -165,3 +165,18 @@ def test_a_file_that_differs_from_its_hash_is_neither_described_nor_drawn(
     assert_one_sentence(granbench("data", "info", changed), "changed.nc", "void_ratio")
     assert_one_sentence(granbench("data", "plot", changed, "--out", picture), "void_ratio")
     assert not picture.exists()
+
+
+def test_random_paths_are_described_verified_and_drawn(granbench, tmp_path):
+    code, out, _ = granbench("data", "info", "gp-j2-mini")
+    assert code == 0
+    assert "plane components" in out
+    assert "median |Δε|" in out
+    assert "No specimen, preparation or path is in two splits" in out
+    code, out, _ = granbench("data", "verify", "gp-j2-mini")
+    assert code == 0
+    assert "is gp-j2-mini 1.0.0 of the registry" in out
+    picture = tmp_path / "paths.png"
+    code, out, _ = granbench("data", "plot", "gp-j2-mini", "--out", picture)
+    assert (code, out.strip()) == (0, str(picture))
+    assert picture.read_bytes().startswith(b"\x89PNG")

@@ -7,7 +7,7 @@ import pytest
 from gp_records import NAMES, series, shipped, split_rows
 from scipy import stats
 
-from granbench.data import entry
+from granbench.data import entry, load
 from granbench.data.fetch import checkout_datasets
 from granbench.data.registry import entries
 from granbench.data.splits import leak_report, split_names
@@ -195,3 +195,16 @@ def test_splits_out_of_distribution_differ_in_what_they_are_called_after() -> No
     amplitude = records["strain_amplitude"].values[rows]
     assert (distance.max(axis=1) <= amplitude + 2.0 * STRAIN_GRID).all()
     assert set(records["strain_cycles"].values[rows]) <= {2.0, 3.0, 4.0, 5.0}
+
+
+def test_mini_tier_is_a_part_of_core() -> None:
+    """Every split, and the very values; the wheel has it, so it needs no checkout."""
+    core = shipped("gp-j2")
+    with load("gp-j2-mini") as mini:
+        assert split_names(mini) == split_names(core)
+        assert 100 <= mini.sizes["path"] <= 200
+        rows = np.searchsorted(np.sort(core["path_id"].values), mini["path_id"].values)
+        rows = np.argsort(core["path_id"].values)[rows]
+        for name in ("strain", "stress", "split", "correlation_length"):
+            np.testing.assert_array_equal(mini[name].values, core[name].values[rows])
+        assert core.attrs["content_sha256"] in mini.attrs["derived_from"]
