@@ -1,0 +1,309 @@
+r"""Explicit dynamics: Algorithm 3 with damping relative to the prescribed motion.
+
+    M a = P - I - C (v - v_d),   C = c A = alpha M,   c = 2 gamma sqrt(rho E)   (Eq 5.3, 5.9)
+    v(n+1/2) = v(n-1/2) + dt a(n),   u(n+1) = u(n) + dt v(n+1/2)                (Eq 5.4)
+
+with the lumped mass M, the nodes' shares A of the area, and v_d the prescribed motion spread over
+the body (`granbench.fem.loading.spread_motion`), in which damping and inertia have no part. The
+damping force uses the mean of v - v_d before and after the instant, so that it does not narrow
+the stability limit of central differences, 2/omega_max.
+
+Energy is recorded in the form that central differences conserve, with the kinetic energy
+``m v(n-1/2) v(n+1/2)/2``: kinetic + internal + damping = external to rounding, whatever the
+material. Internal work is that of the nodal forces of the stresses, external work that of
+reactions, loads and weight, and of the impulses by which v_d changes.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from granbench.errors import AnalysisError, ConfigurationError
+from granbench.fem.gauss_points import GaussPoints
+from granbench.fem.loading import AssembledLoading
+from granbench.fem.mesh import Floats
+from granbench.fem.operators import Operators
+from granbench.fem.result import Recorder
+
+EVEN = 1e-9
+"""Moves of a time step that differ by less, relatively, are at one speed: rounding of the times
+makes them differ by some 1e-12."""
+
+OnStep = Callable[[int, int], None]
+"""Called at output steps with the number of the step that is done, and how many there are."""
+
+
+@dataclass(frozen=True)
+class ExplicitSettings:
+    """How an explicit analysis is made.
+
+    Parameters
+    ----------
+    density : rho, kg/m3
+    damping : gamma of Eq 5.9
+    damping_modulus : E of Eq 5.9, Pa; the thesis has 20 MPa for every material
+    damping_length : m. Eq 5.9 gives a damping per area; over this length it is one per volume.
+        The thesis has the metre that it does not write.
+    safety : of the time step against L/c_d (Eq 5.8)
+    modulus : rho c_d^2, Pa; by default the stiffest normal component of the cell's tangent at the
+        start
+    time_step : s, instead of the one from `safety`; it is shortened a little, so that output steps
+        are at equal distances and the last at the end
+    outputs : number of output steps after the first
+
+    Raises
+    ------
+    ConfigurationError
+        If a number is out of range.
+    """
+
+    density: float = 2650.0
+    damping: float = 1.0
+    damping_modulus: float = 20e6
+    damping_length: float = 1.0
+    safety: float = 0.2
+    modulus: float | None = None
+    time_step: float | None = None
+    outputs: int = 100
+
+    def __post_init__(self) -> None:
+        for name in ("density", "damping_length", "safety", "outputs", "modulus", "time_step"):
+            value = getattr(self, name)
+            if value is not None and not (0.0 < value < math.inf):
+                raise ConfigurationError(f"{name} is {value:g}; give one above 0")
+        for name in ("damping", "damping_modulus"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise ConfigurationError(f"{name} is {getattr(self, name):g}; give 0 or more")
+
+    @property
+    def damping_rate(self) -> float:
+        """Alpha, 1/s."""
+        per_area = 2.0 * self.damping * math.sqrt(self.density * self.damping_modulus)
+        return per_area / self.damping_length / self.density
+
+
+@dataclass(frozen=True)
+class TimeStep:
+    """A time step and what bounds it.
+
+    Parameters
+    ----------
+    chosen : s, what was asked for or follows from Eq 5.8
+    limit : 2/omega_max, s, of the stiffest element at the start
+    """
+
+    chosen: float
+    limit: float
+
+
+def choose_time_step(
+    operators: Operators, points: GaussPoints, settings: ExplicitSettings
+) -> TimeStep:
+    """The time step of an analysis (Eq 5.8) and the stability limit.
+
+    The limit takes the highest frequency of any element by itself, which is never below that of
+    the mesh.
+
+    Raises
+    ------
+    ConfigurationError
+        If the time step is beyond the limit, or the cell's tangent gives none.
+    """
+    _, tangent = points.tangent(np.zeros_like(points.strain), 0)
+    stiffest = float(np.abs(tangent[:, (0, 1), (0, 1)]).max())
+    modulus = settings.modulus or stiffest
+    if not 0.0 < modulus < math.inf:
+        raise ConfigurationError(
+            f"{points.cell.name} has no stiffness at the start from which a time step follows; "
+            "give its modulus"
+        )
+    if not np.isfinite(tangent).all() or settings.modulus:
+        tangent = np.tile(modulus * np.diag([1.0, 1.0, 0.5]), (points.count, 1, 1))
+    elements = len(operators.element_dofs)
+    stress = tangent.reshape(elements, -1, 3, 3) @ operators.element_strain.reshape(
+        elements, -1, 3, operators.element_dofs.shape[1]
+    )
+    stiffness = operators.element_force @ stress.reshape(operators.element_strain.shape)
+    root = 1.0 / np.sqrt(settings.density * np.tile(operators.element_volumes, 2))
+    scaled = root[:, :, None] * (stiffness + stiffness.transpose(0, 2, 1)) / 2.0 * root[:, None]
+    limit = 2.0 / math.sqrt(np.linalg.eigvalsh(scaled)[:, -1].max())
+    speed = math.sqrt(modulus / settings.density)
+    length = operators.mesh.characteristic_length
+    chosen = settings.time_step or settings.safety * length / speed
+    if chosen > limit:
+        raise ConfigurationError(
+            f"the time step of {chosen:.3g} s is unstable: this mesh and material need one below "
+            f"{limit:.3g} s; leave it out, or lower it or the safety factor"
+        )
+    return TimeStep(chosen, limit)
+
+
+def solve_explicit(
+    operators: Operators,
+    loading: AssembledLoading,
+    points: GaussPoints,
+    settings: ExplicitSettings,
+    recorder: Recorder,
+    on_step: OnStep | None = None,
+) -> None:
+    """Take a body through its loading; output steps go to the recorder as they are reached.
+
+    Raises
+    ------
+    ConfigurationError
+        If the time step is unstable.
+    AnalysisError
+        If the material fails, or becomes so stiff that the time step is unstable.
+    """
+    begin = time.perf_counter()
+    step = choose_time_step(operators, points, settings)
+    end = loading.loading.drive.end
+    per_output = max(1, math.ceil(end / step.chosen / settings.outputs - 1e-9))
+    motion = _Motion(operators, loading, points, settings, end / (per_output * settings.outputs))
+    motion.record(recorder, time.perf_counter() - begin)
+    total = per_output * settings.outputs
+    for output in range(1, settings.outputs + 1):
+        motion.advance((output - 1) * per_output, output * per_output)
+        motion.check_stability(output * per_output)
+        motion.record(recorder, time.perf_counter() - begin)
+        if on_step is not None:
+            on_step(output * per_output, total)
+
+
+class _Motion:
+    """A body in motion at t(n), with its velocity at t(n-1/2) as displacement in a time step."""
+
+    def __init__(
+        self,
+        operators: Operators,
+        loading: AssembledLoading,
+        points: GaussPoints,
+        settings: ExplicitSettings,
+        dt: float,
+    ) -> None:
+        self.operators, self.loading, self.points, self.dt = operators, loading, points, dt
+        self.rate = settings.damping_rate
+        self.mass = operators.lumped_mass(settings.density)
+        # m (w+ - w-) = dt^2 (P - I) - alpha dt m (w+ + w-)/2 for w = dt (v - v_d).
+        half = 0.5 * self.rate * dt
+        self.gain = np.where(loading.fixed, 0.0, dt * dt / (self.mass * (1.0 + half)))
+        self.loss = -2.0 * half / (1.0 + half)
+        self.time = self.largest_acceleration = self.stiffness = 0.0
+        self.displacement = np.zeros_like(self.mass)
+        self.relative = np.zeros_like(self.mass)
+        self.increment = np.zeros_like(self.mass)
+        self.driven = np.zeros_like(self.mass)
+        self.internal = operators.force @ points.stress
+        self.external = loading.external_force(loading.force_values(0.0))
+        self.reaction = loading.reaction(self.internal, self.external)
+        self.internal_work = self.external_work = self.damping_work = 0.0
+
+    def advance(self, begin: int, end: int) -> None:
+        """From step `begin` to step `end`."""
+        points, loading = self.points, self.loading
+        # Local names: the loop runs thousands of times over a few hundred numbers.
+        strain_of, force_of = self.operators.strain, self.operators.force
+        gain, loss, mass, unit = self.gain, self.loss, self.mass, loading.unit
+        relative, displacement, nodes = self.relative, self.displacement, len(mass) // 2
+        weighted_rate = (self.rate / self.dt) * mass
+        damped = self.rate > 0.0
+        times = self.dt * np.arange(begin, end + 1)
+        moves = _evened(np.diff(loading.loading.drive.at(times)))
+        force_values = loading.force_values(times)
+        changing = (np.diff(force_values, axis=0) != 0.0).any(axis=1)
+        external, internal, reaction, du = (
+            self.external,
+            self.internal,
+            self.reaction,
+            self.increment,
+        )
+        change, mean, largest, moved = np.empty_like(mass), np.empty_like(mass), 0.0, math.nan
+        for local, move in enumerate(moves.tolist()):
+            before = du
+            np.subtract(external, internal, out=change)
+            change *= gain
+            np.multiply(relative, loss, out=mean)
+            change += mean
+            if damped:
+                np.multiply(change, 0.5, out=mean)
+                mean += relative
+                mean *= weighted_rate
+            relative += change
+            if move == moved:
+                du = relative + self.driven
+            else:
+                jump = move * loading.spread - self.driven
+                self.driven = move * loading.spread
+                du, moved = relative + self.driven, move
+                self.external_work += 0.5 * float((mass * jump) @ (before + du)) / self.dt**2
+            if damped:
+                self.damping_work += 0.5 * float(mean @ before + mean @ du)
+            displacement += du
+            np.multiply(change, change, out=mean)
+            largest = max(largest, float((mean[:nodes] + mean[nodes:]).max()))
+            after = force_of @ points.step(strain_of @ du, begin + local + 1)
+            points.accept()
+            self.internal_work += 0.5 * float(internal @ du + after @ du)
+            previous, internal = internal, after
+            self.external_work += 0.5 * float(external @ du)
+            if changing[local]:
+                external = loading.external_force(force_values[local + 1])
+            later = float(unit @ internal - unit @ external)
+            self.external_work += 0.5 * (float(external @ du) + (reaction + later) * move)
+            reaction = later
+        self.stiffness = float((internal - previous) @ du) / float((mass * du) @ du)
+        self.external, self.internal, self.reaction, self.increment = (
+            external,
+            internal,
+            reaction,
+            du,
+        )
+        self.time = float(times[-1])
+        self.largest_acceleration = math.sqrt(largest) / self.dt**2
+
+    def check_stability(self, step: int) -> None:
+        """Raise AnalysisError if the body moves at a frequency that the time step cannot follow.
+
+        The last increment has the Rayleigh quotient omega^2 = du.dI/(du.M du). One that grows
+        without bound turns to the highest frequency, for which dt omega > 2.
+        """
+        if self.stiffness * self.dt**2 > 4.0:
+            raise AnalysisError(
+                f"the time step of {self.dt:.3g} s became unstable by step {step}: the material is "
+                "now stiffer than at the start; give a lower safety factor or time step"
+            )
+
+    def record(self, recorder: Recorder, seconds: float) -> None:
+        """Hand the present output step on."""
+        change = self.gain * (self.external - self.internal) + self.loss * self.relative
+        mean = self.relative + 0.5 * change
+        velocity = self.mass * self.increment / self.dt**2
+        kinetic = 0.5 * float(velocity @ (self.increment + change))
+        damping = self.damping_work + 0.5 * self.rate * self.dt * float(velocity @ mean)
+        parts = (kinetic, self.internal_work, damping, self.external_work)
+        missing = sum(parts[:3]) - parts[3]
+        recorder.add(
+            self.displacement,
+            driving_displacement=float(self.loading.loading.drive.at(self.time)),
+            time=self.time,
+            reaction=self.reaction,
+            maximum_acceleration=self.largest_acceleration,
+            kinetic_energy=kinetic,
+            internal_energy=self.internal_work,
+            damping_work=damping,
+            external_work=self.external_work,
+            energy_error=missing / (max(map(abs, parts)) or 1.0),
+            cell_seconds=self.points.seconds,
+            solver_seconds=seconds - self.points.seconds,
+        )
+
+
+def _evened(moves: Floats) -> Floats:
+    """Equal moves where they differ by their rounding only, so that nothing is pushed by it."""
+    mean = moves.mean()
+    return np.full_like(moves, mean) if np.ptp(moves) <= EVEN * abs(mean) else moves
