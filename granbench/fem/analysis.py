@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict
 
+import torch
+
 from granbench.cell import MaterialCell
 from granbench.errors import AnalysisError, ConfigurationError
 from granbench.fem.explicit import ExplicitSettings, OnStep, solve_explicit
@@ -69,10 +71,11 @@ def run(
     failure: AnalysisError | KeyboardInterrupt | None = None
     parts = (operators, loading, points)
     try:
-        if isinstance(settings, ExplicitSettings):
-            solve_explicit(*parts, settings, recorder, on_step)
-        else:
-            solve_implicit(*parts, settings, recorder, on_step)
+        with torch.no_grad():
+            if isinstance(settings, ExplicitSettings):
+                solve_explicit(*parts, settings, recorder, on_step)
+            else:
+                solve_implicit(*parts, settings, recorder, on_step)
     except (AnalysisError, KeyboardInterrupt) as reason:
         failure = reason
     attributes = {

@@ -206,65 +206,63 @@ class _Motion:
     def advance(self, begin: int, end: int) -> None:
         """From step `begin` to step `end`."""
         points, loading = self.points, self.loading
-        # Local names: the loop runs thousands of times over a few hundred numbers.
+        # Local names, and results into arrays that are there: the loop runs thousands of times
+        # over a few hundred numbers, where a call costs more than what it does.
         strain_of, force_of = self.operators.strain, self.operators.force
         gain, loss, mass, unit = self.gain, self.loss, self.mass, loading.unit
         relative, displacement, nodes = self.relative, self.displacement, len(mass) // 2
-        weighted_rate = (self.rate / self.dt) * mass
-        damped = self.rate > 0.0
+        damping_mass = (self.rate / self.dt) * mass
         times = self.dt * np.arange(begin, end + 1)
         moves = _evened(np.diff(loading.loading.drive.at(times)))
         force_values = loading.force_values(times)
-        changing = (np.diff(force_values, axis=0) != 0.0).any(axis=1)
-        external, internal, reaction, du = (
-            self.external,
-            self.internal,
-            self.reaction,
-            self.increment,
-        )
-        change, mean, largest, moved = np.empty_like(mass), np.empty_like(mass), 0.0, math.nan
+        changing = (np.diff(force_values, axis=0) != 0.0).any(axis=1).tolist()
+        external, internal, du = self.external, self.internal, self.increment
+        reaction, opposed = self.reaction, float(unit @ external)
+        change, mean, squares = (np.empty_like(mass) for _ in range(3))
+        squares_x, squares_y, largest = squares[:nodes], squares[nodes:], np.zeros(nodes)
+        multiply, add, subtract, moved = np.multiply, np.add, np.subtract, math.nan
+        internal_work = damping_work = external_work = 0.0
         for local, move in enumerate(moves.tolist()):
             before = du
-            np.subtract(external, internal, out=change)
-            change *= gain
-            np.multiply(relative, loss, out=mean)
-            change += mean
-            if damped:
-                np.multiply(change, 0.5, out=mean)
-                mean += relative
-                mean *= weighted_rate
-            relative += change
+            subtract(external, internal, change)
+            multiply(change, gain, change)
+            multiply(relative, loss, mean)
+            add(change, mean, change)
+            multiply(change, 0.5, mean)
+            add(mean, relative, mean)
+            multiply(mean, damping_mass, mean)
+            add(relative, change, relative)
             if move == moved:
                 du = relative + self.driven
             else:
-                jump = move * loading.spread - self.driven
-                self.driven = move * loading.spread
-                du, moved = relative + self.driven, move
-                self.external_work += 0.5 * float((mass * jump) @ (before + du)) / self.dt**2
-            if damped:
-                self.damping_work += 0.5 * float(mean @ before + mean @ du)
-            displacement += du
-            np.multiply(change, change, out=mean)
-            largest = max(largest, float((mean[:nodes] + mean[nodes:]).max()))
-            after = force_of @ points.step(strain_of @ du, begin + local + 1)
+                driven = move * loading.spread
+                jump, self.driven, moved = driven - self.driven, driven, move
+                du = relative + driven
+                external_work += float((mass * jump) @ (before + du)) / self.dt**2
+            damping_work += mean @ before + mean @ du
+            add(displacement, du, displacement)
+            multiply(change, change, squares)
+            add(squares_x, squares_y, squares_x)
+            np.maximum(largest, squares_x, largest)
+            stress = points.step(strain_of @ du, begin + local + 1)
             points.accept()
-            self.internal_work += 0.5 * float(internal @ du + after @ du)
-            previous, internal = internal, after
-            self.external_work += 0.5 * float(external @ du)
+            previous, internal = internal, force_of @ stress
+            internal_work += previous @ du + internal @ du
+            work = external @ du
+            external_work += work
             if changing[local]:
                 external = loading.external_force(force_values[local + 1])
-            later = float(unit @ internal - unit @ external)
-            self.external_work += 0.5 * (float(external @ du) + (reaction + later) * move)
+                opposed, work = float(unit @ external), external @ du
+            later = float(unit @ internal) - opposed
+            external_work += work + (reaction + later) * move
             reaction = later
+        self.internal_work += 0.5 * float(internal_work)
+        self.damping_work += 0.5 * float(damping_work)
+        self.external_work += 0.5 * float(external_work)
         self.stiffness = float((internal - previous) @ du) / float((mass * du) @ du)
-        self.external, self.internal, self.reaction, self.increment = (
-            external,
-            internal,
-            reaction,
-            du,
-        )
-        self.time = float(times[-1])
-        self.largest_acceleration = math.sqrt(largest) / self.dt**2
+        self.external, self.internal, self.increment = external, internal, du
+        self.reaction, self.time = reaction, float(times[-1])
+        self.largest_acceleration = math.sqrt(largest.max()) / self.dt**2
 
     def check_stability(self, step: int) -> None:
         """Raise AnalysisError if the body moves at a frequency that the time step cannot follow.
