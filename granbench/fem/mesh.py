@@ -188,8 +188,9 @@ class PlaneMesh:
 
     def _refuse_inverted(self) -> None:
         """Raise for the worst element that is turned inside out, flat, or folded over another."""
-        places = np.hstack([self.basis.X, self.geometry.refdom.p])
-        determinant = self.basis.mapping.detDF(places)
+        with np.errstate(divide="ignore", invalid="ignore"):  # scikit-fem inverts it at once
+            places = np.hstack([self.basis.X, self.geometry.refdom.p])
+            determinant = self.basis.mapping.detDF(places)
         size = np.abs(determinant).max(axis=1)
         typical = np.median(size)
         least = np.where(

@@ -160,7 +160,7 @@ def build_operators(mesh: PlaneMesh, *, b_bar: bool = False) -> Operators:
         strain=strain,
         force=force,
         volumes=weights.ravel().copy(),
-        points=basis.global_coordinates().value.reshape(2, -1).T.copy(),
+        points=np.asarray(basis.global_coordinates()).reshape(2, -1).T.copy(),
         element_strain=local.reshape(flat),
         element_force=np.ascontiguousarray(weighted.reshape(flat).transpose(0, 2, 1)),
         element_dofs=dofs,
@@ -195,7 +195,7 @@ def _node_shares(mesh: PlaneMesh) -> Floats:
     """(element, local node): the element's area shared out as the consistent mass diagonal is."""
     order = 2 * mesh.kind.shape().maxdeg
     basis = skfem.CellBasis(mesh.geometry, mesh.kind.shape(), intorder=order)
-    values = [np.broadcast_to(shape[0].value, basis.dx.shape) for shape in basis.basis]
+    values = [np.broadcast_to(np.asarray(shape[0]), basis.dx.shape) for shape in basis.basis]
     diagonal = np.stack([(value**2 * basis.dx).sum(axis=1) for value in values], axis=1)
     area = basis.dx.sum(axis=1)
     return diagonal * (area / diagonal.sum(axis=1))[:, None]
