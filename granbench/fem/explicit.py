@@ -243,7 +243,7 @@ class _Motion:
             add(displacement, du, displacement)
             multiply(change, change, squares)
             add(squares_x, squares_y, squares_x)
-            np.maximum(largest, squares_x, largest)
+            np.maximum(largest, squares_x, out=largest)
             stress = points.step(strain_of @ du, begin + local + 1)
             points.accept()
             previous, internal = internal, force_of @ stress
