@@ -94,13 +94,12 @@ class _March:
         """One load step, in as many pieces as it takes."""
         length, done, share, iterations, pieces = end - begin, 0.0, 1.0, 0, 0
         drive = self.loading.loading.drive
-        guesses = 2
         while done < 1.0:
             until = end if done + share >= 1.0 else begin + (done + share) * length
             move = float(drive.at(until) - drive.at(self.time))
             outcome, failure = None, None
             self.balance.aim_at(self.loading.external_force(self.loading.force_values(until)), step)
-            for guess in self._guesses(move)[-guesses:]:
+            for guess in self._guesses(move):
                 try:
                     outcome = self.scheme(guess)
                 except MaterialFailure as problem:

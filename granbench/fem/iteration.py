@@ -1,7 +1,8 @@
 r"""Schemes that bring a load step into balance.
 
 newton
-    du <- du + a K(C)^-1 r with the cell's tangent C at du, and a = 1 or, by a line search, less.
+    du <- du + a K(C)^-1 r with the cell's tangent C at du, and a = 1 or, by a line search, less;
+    where no a lessens r, with a share of the stiffness at rest added to C.
 restart
     Algorithm 2: every iteration solves for the whole increment from the last converged step with
     the cell's tangent at the last one, without a line search, until successive increments agree
@@ -27,11 +28,18 @@ from granbench.fem.mesh import Floats
 from granbench.fem.operators import Operators
 from granbench.fem.stiffness import StiffnessPattern
 
-HALVINGS = 6
+HALVINGS = 4
 """Of a Newton step that does not lessen the error, before the increment is given up."""
 
 ARMIJO = 1e-4
 """Share of the error that a full Newton step takes off at least; a shorter one, in proportion."""
+
+ELASTIC_SHARES = (0.0, 1e-3, 0.1)
+"""Of the stiffness at rest, added to the tangent. A body that flows as a whole without hardening
+has a singular tangent, of which a small share of elasticity makes the least motion."""
+
+Linearised = tuple[Floats, Floats, float, Floats]
+"""An increment, the forces out of balance, their size, and the tangent there."""
 
 MEMORY = 10
 """Iterates that Anderson's acceleration looks back on."""
@@ -141,6 +149,10 @@ class Balance:
         stress, tangent = self.points.tangent(strain, self.step)
         return (*self._unbalanced(stress), tangent)
 
+    def stiffness_at_rest(self) -> Floats:
+        """Tangent (point, 3, 3), Pa, of a zero increment from the kept state."""
+        return self.points.tangent(np.zeros_like(self.points.strain), self.step)[1]
+
     def _unbalanced(self, stress: Floats) -> tuple[Floats, float]:
         self.internal = self.operators.force @ stress
         self.enlarge_scale(self.internal, self.external)
@@ -190,20 +202,30 @@ class Newton(Scheme):
         rest, error, tangent = balance.linearised(increment)
         errors = [error]
         while error > self.settings.tolerance and len(errors) <= self.limit:
-            solve = balance.pattern.factorised(tangent)
-            if solve is None:
-                break
-            correction = solve(rest)
-            found = self._along(increment, correction, error)
+            found = self._improved(increment, rest, error, tangent)
             if found is None:
                 break
             increment, rest, error, tangent = found
             errors.append(error)
         return Outcome(increment, tuple(errors), error <= self.settings.tolerance)
 
-    def _along(
-        self, increment: Floats, correction: Floats, error: float
-    ) -> tuple[Floats, Floats, float, Floats] | None:
+    def _improved(
+        self, increment: Floats, rest: Floats, error: float, tangent: Floats
+    ) -> Linearised | None:
+        """One iteration; where the tangent itself leads nowhere, with some elasticity added."""
+        balance = self.balance
+        for share in ELASTIC_SHARES:
+            if share > 0.0:
+                tangent = tangent + share * balance.stiffness_at_rest()
+            solve = balance.pattern.factorised(tangent)
+            if solve is None:
+                continue
+            found = self._along(increment, solve(rest), error)
+            if found is not None:
+                return found
+        return None
+
+    def _along(self, increment: Floats, correction: Floats, error: float) -> Linearised | None:
         """The longest of a few steps along a correction that lessens the error enough."""
         for halving in range(HALVINGS + 1):
             length = 0.5**halving
@@ -278,7 +300,7 @@ class InitialStiffness(Scheme):
             matrix = np.asarray(settings.stiffness, dtype=float)
             tangent = np.broadcast_to(matrix, (balance.points.count, 3, 3))
         else:
-            _, tangent = balance.points.tangent(np.zeros_like(balance.points.strain), 0)
+            tangent = balance.stiffness_at_rest()
         symmetric = tangent + tangent.transpose(0, 2, 1)
         definite = np.isfinite(tangent).all() and np.linalg.eigvalsh(symmetric).min() > 0.0
         solve = balance.pattern.factorised(tangent) if definite else None

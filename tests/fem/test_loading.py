@@ -114,6 +114,6 @@ def test_random_confinement_is_the_same_for_the_same_seed() -> None:
 
 def test_confinement_that_turns_into_tension_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="take another seed or a smaller deviation"):
-        RandomConfinement(1.0, 1, deviation=1e6).pressures()
+        RandomConfinement(1.0, 2, deviation=1e6).pressures()
     with pytest.raises(ConfigurationError, match="v_c and mean are above 0"):
         RandomConfinement(-1.0)
