@@ -9,7 +9,7 @@ import torch
 
 from granbench.cell import MaterialCell
 from granbench.errors import AnalysisError, ConfigurationError
-from granbench.fem.explicit import ExplicitSettings, OnStep, solve_explicit
+from granbench.fem.explicit import OnStep, solve_explicit
 from granbench.fem.gauss_points import GaussPoints
 from granbench.fem.implicit import solve_implicit
 from granbench.fem.iteration import ImplicitSettings
@@ -18,6 +18,7 @@ from granbench.fem.mesh import Floats, PlaneMesh
 from granbench.fem.operators import build_operators
 from granbench.fem.problems import Problem, find_problem
 from granbench.fem.result import Analysis, Recorder
+from granbench.fem.time_step import ExplicitSettings
 
 SOLVERS = ("explicit", "implicit")
 

@@ -16,9 +16,10 @@ import time
 import numpy as np
 
 from granbench.errors import AnalysisError
+from granbench.fem.balance import Balance
 from granbench.fem.explicit import OnStep
 from granbench.fem.gauss_points import GaussPoints, MaterialFailure
-from granbench.fem.iteration import Balance, ImplicitSettings, Outcome, scheme_of
+from granbench.fem.iteration import ImplicitSettings, Outcome, scheme_of
 from granbench.fem.loading import AssembledLoading, LoadingHistory
 from granbench.fem.mesh import Floats
 from granbench.fem.operators import Operators
@@ -60,7 +61,7 @@ def solve_implicit(
         If a load step does not converge, or the material fails, however small the step.
     """
     march = _March(operators, loading, points, settings)
-    march.record(recorder, Outcome(np.zeros(0), (), True), 0, 0)
+    march.record(recorder, (), 0, 0)
     times = load_times(loading.loading.drive, settings.steps)
     for step in range(1, len(times)):
         march.advance(times[step - 1], times[step], step, recorder)
@@ -93,6 +94,7 @@ class _March:
     def advance(self, begin: float, end: float, step: int, recorder: Recorder) -> None:
         """One load step, in as many pieces as it takes."""
         length, done, share, iterations, pieces = end - begin, 0.0, 1.0, 0, 0
+        residuals: tuple[float, ...] = ()
         drive = self.loading.loading.drive
         while done < 1.0:
             until = end if done + share >= 1.0 else begin + (done + share) * length
@@ -114,10 +116,11 @@ class _March:
                     raise self._failed(step, outcome, failure)
                 continue
             self._keep(outcome.increment, move, until)
+            residuals = outcome.residuals
             pieces += 1
             done += share
-            share = min(2.0 * share, 1.0 - done) if done < 1.0 else share
-        self.record(recorder, outcome, iterations, pieces)
+            share = min(2.0 * share, 1.0 - done)
+        self.record(recorder, residuals, iterations, pieces)
 
     def _guesses(self, move: float) -> list[Floats]:
         """First values of an increment, the more promising first."""
@@ -151,14 +154,16 @@ class _March:
             f"{self.scheme.remedy}"
         )
 
-    def record(self, recorder: Recorder, outcome: Outcome, iterations: int, pieces: int) -> None:
+    def record(
+        self, recorder: Recorder, residuals: tuple[float, ...], iterations: int, pieces: int
+    ) -> None:
         """Hand the present load step on."""
         parts = self.internal_work, self.external_work
         seconds = time.perf_counter() - self.begin
         recorder.add(
             self.displacement,
             driving_displacement=float(self.loading.loading.drive.at(self.time)),
-            residuals=outcome.residuals,
+            residuals=residuals,
             time=self.time,
             reaction=self.loading.reaction(self.internal, self.external),
             iterations=iterations,

@@ -96,7 +96,7 @@ class LoadingHistory:
 
     def at(self, time: float | Floats) -> Floats:
         """Value at a time; the last one after the end."""
-        return np.interp(time, self.times, self.values)
+        return np.asarray(np.interp(time, self.times, self.values))
 
 
 @dataclass(frozen=True)

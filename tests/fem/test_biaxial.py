@@ -67,7 +67,7 @@ def test_first_yield_in_plane_strain(solver: ExplicitSettings | ImplicitSettings
     found = run(problem, cell, solver=solver, mesh="coarse").check()
     difference = found["reaction"].values / WIDTH - P0
     elastic = difference < 0.99 * strength
-    # Explicit: the drag of expanding sideways, and the waves of the start, some 1e-3 of the strength.
+    # Explicit: drag of expanding sideways and waves of the start, some 1e-3 of the strength.
     np.testing.assert_allclose(
         difference[elastic], modulus * found["driving_strain"].values[elastic], rtol=5e-3, atol=300
     )
@@ -103,7 +103,8 @@ def test_plateau_of_rough_j2_specimen(damping: float, plateau: float) -> None:
 def test_explicit_and_implicit_agree_in_the_quasi_static_limit(
     name: str, confinement: float, speed: float, damping: float
 ) -> None:
-    problem = Biaxial(confinement=confinement, axial_strain=0.06, speed=speed)
+    end = 0.02 if name == "csuh" else 0.06
+    problem = Biaxial(confinement=confinement, axial_strain=end, speed=speed)
     dynamic = ExplicitSettings(damping=damping, outputs=50)
     slow = run(problem, MODELS[name](), solver=dynamic, mesh="coarse").check()
     static = run(problem, MODELS[name](), solver=ImplicitSettings(steps=50), mesh="coarse").check()

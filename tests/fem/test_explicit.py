@@ -12,8 +12,11 @@ from torch import Tensor
 from granbench.cell import ModuleCell
 from granbench.errors import AnalysisError, ConfigurationError
 from granbench.fem import ExplicitSettings, rectangle, run
+from granbench.fem.gauss_points import GaussPoints
 from granbench.fem.loading import Loading, LoadingHistory, Prescribed, Pressure
+from granbench.fem.operators import build_operators
 from granbench.fem.problems.biaxial import Biaxial
+from granbench.fem.time_step import choose_time_step
 from granbench.models import MODELS
 from granbench.paths.confining_pressure import RandomConfinement
 
@@ -108,10 +111,6 @@ def test_unstable_time_step_is_refused() -> None:
 @pytest.mark.parametrize("element", ["quad8", "quad4", "tri3", "tri6"])
 def test_limit_of_the_time_step_is_safe_and_not_wasteful(element: str) -> None:
     """Undamped vibration is bounded at 0.99 of the limit; at 1.5 of it, it would not be."""
-    from granbench.fem.explicit import choose_time_step
-    from granbench.fem.gauss_points import GaussPoints
-    from granbench.fem.operators import build_operators
-
     mesh = distorted(element)
     operators = build_operators(mesh)
     stiffness = (

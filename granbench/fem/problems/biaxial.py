@@ -103,8 +103,9 @@ class Biaxial(Problem):
     @property
     def initial_pressure(self) -> float:
         """Confinement at the start, Pa."""
-        random = isinstance(self.confinement, RandomConfinement)
-        return self.confinement.mean if random else self.confinement
+        if isinstance(self.confinement, RandomConfinement):
+            return self.confinement.mean
+        return self.confinement
 
     def loading(self, mesh: PlaneMesh) -> Loading:
         """See `Problem.loading`."""

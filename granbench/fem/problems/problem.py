@@ -9,10 +9,10 @@ from difflib import get_close_matches
 from typing import ClassVar
 
 from granbench.errors import ConfigurationError
-from granbench.fem.explicit import ExplicitSettings
 from granbench.fem.iteration import ImplicitSettings
 from granbench.fem.loading import Loading
 from granbench.fem.mesh import Floats, PlaneMesh
+from granbench.fem.time_step import ExplicitSettings
 
 
 class Problem(abc.ABC):
