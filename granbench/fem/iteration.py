@@ -27,6 +27,10 @@ from granbench.fem.balance import Balance
 from granbench.fem.gauss_points import MaterialFailure
 from granbench.fem.mesh import Floats
 
+LOOK_BACK = 5
+"""Errors under whose largest a Newton step has to end (Grippo, Lampariello & Lucidi 1986). While
+points go in and out of yield the error must be allowed to rise, or the steps become short."""
+
 HALVINGS = 4
 """Of a Newton step that does not lessen the error, before the increment is given up."""
 
@@ -145,7 +149,7 @@ class Newton(Scheme):
         rest, error, tangent = balance.linearised(increment)
         errors = [error]
         while error > self.settings.tolerance and len(errors) <= self.limit:
-            found = self._improved(increment, rest, error, tangent)
+            found = self._improved(increment, rest, max(errors[-LOOK_BACK:]), tangent)
             if found is None:
                 break
             increment, rest, error, tangent = found
@@ -153,7 +157,7 @@ class Newton(Scheme):
         return Outcome(increment, tuple(errors), error <= self.settings.tolerance)
 
     def _improved(
-        self, increment: Floats, rest: Floats, error: float, tangent: Floats
+        self, increment: Floats, rest: Floats, ceiling: float, tangent: Floats
     ) -> Linearised | None:
         """One iteration; where the tangent itself leads nowhere, with some elasticity added."""
         balance = self.balance
@@ -163,13 +167,13 @@ class Newton(Scheme):
             solve = balance.pattern.factorised(tangent)
             if solve is None:
                 continue
-            found = self._along(increment, solve(rest), error)
+            found = self._along(increment, solve(rest), ceiling)
             if found is not None:
                 return found
         return None
 
-    def _along(self, increment: Floats, correction: Floats, error: float) -> Linearised | None:
-        """The longest of a few steps along a correction that lessens the error enough."""
+    def _along(self, increment: Floats, correction: Floats, ceiling: float) -> Linearised | None:
+        """The longest of a few steps along a correction whose error stays under a ceiling."""
         for halving in range(HALVINGS + 1):
             length = 0.5**halving
             trial = self.balance.moved(increment, length * correction)
@@ -177,7 +181,7 @@ class Newton(Scheme):
                 rest, after, tangent = self.balance.linearised(trial)
             except MaterialFailure:
                 continue
-            if after <= (1.0 - ARMIJO * length) * error:
+            if after <= (1.0 - ARMIJO * length) * ceiling:
                 return trial, rest, after, tangent
         return None
 
