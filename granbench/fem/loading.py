@@ -17,6 +17,9 @@ from granbench.errors import ConfigurationError
 from granbench.fem.mesh import Floats
 from granbench.fem.operators import Operators
 
+EXACT = 1e-10
+"""Relative: rounding of coordinates, and less than any motion that is meant."""
+
 PerUnit = float | Callable[[Floats], Floats]
 """Movement for a unit of the driving displacement: a number, or from nodes (node, direction)."""
 
@@ -244,9 +247,9 @@ def assemble_loading(loading: Loading, operators: Operators, density: float) -> 
 def spread_motion(operators: Operators, fixed: Floats, unit: Floats) -> Floats:
     """A prescribed motion spread over the body, (2 node,).
 
-    It is the displacement of a linear elastic body without Poisson's effect. Where an affine
-    motion meets what is prescribed, as in compression between platens or against a wall, that is
-    the affine motion: the boundary's displacement spread linearly over the body.
+    Where an affine motion meets what is prescribed, as in compression between platens or against
+    a wall, it is that one: the boundary's displacement spread linearly over the body. Elsewhere it
+    is the displacement of a linear elastic body without Poisson's effect.
 
     Parameters
     ----------
@@ -258,21 +261,33 @@ def spread_motion(operators: Operators, fixed: Floats, unit: Floats) -> Floats:
     ConfigurationError
         If the body can move as a whole.
     """
-    stiffness = (operators.force @ operators.strain).tocsc()
-    free = np.flatnonzero(~fixed)
-    spread = unit.copy()
-    if len(free) == 0:
-        return spread
-    try:
-        factors = splu(stiffness[free][:, free], permc_spec="MMD_AT_PLUS_A")
-        moved = factors.solve(-(stiffness[free] @ unit))
-        rigid = factors.U.diagonal()
-    except RuntimeError:
-        rigid = np.zeros(1)
-    size = np.abs(rigid)
-    if size.min() <= 1e-12 * size.max() or not np.isfinite(moved).all():
+    centred = operators.mesh.nodes - operators.mesh.nodes.mean(axis=0)
+    ones, (x, y) = np.ones(len(centred)), centred.T / np.abs(centred).max()
+    rigid = np.column_stack([np.r_[ones, 0.0 * x], np.r_[0.0 * x, ones], np.r_[-y, x]])
+    if np.linalg.matrix_rank(rigid[fixed], tol=EXACT) < 3:
         raise ConfigurationError(
             "the prescribed motions leave the body free to move as a whole; hold it in x and in y"
         )
-    spread[free] = moved
+    linear = np.column_stack([ones, x, y])
+    parts = [
+        _affine(linear, fixed_part, unit_part)
+        for fixed_part, unit_part in zip(np.split(fixed, 2), np.split(unit, 2), strict=True)
+    ]
+    if parts[0] is not None and parts[1] is not None:
+        return np.where(fixed, unit, np.concatenate(parts))
+    stiffness = (operators.force @ operators.strain).tocsc()
+    free = np.flatnonzero(~fixed)
+    factors = splu(stiffness[free][:, free], permc_spec="MMD_AT_PLUS_A")
+    spread = unit.copy()
+    spread[free] = factors.solve(-(stiffness[free] @ unit))
     return spread
+
+
+def _affine(linear: Floats, fixed: Floats, values: Floats) -> Floats | None:
+    """One direction of the affine motion with prescribed values; None if there is not just one."""
+    if not values.any():
+        return np.zeros_like(values)
+    known = linear[fixed]
+    coefficients, _, rank, _ = np.linalg.lstsq(known, values[fixed], rcond=EXACT)
+    missed = np.abs(known @ coefficients - values[fixed]).max()
+    return linear @ coefficients if rank == 3 and missed < EXACT * np.abs(values).max() else None

@@ -69,6 +69,25 @@ def test_platens_spread_their_motion_linearly_over_the_specimen(ends: str, eleme
     np.testing.assert_allclose(y, -mesh.nodes[:, 1], atol=1e-13)
 
 
+def test_motion_that_no_affine_one_meets_is_spread_smoothly() -> None:
+    """A strip of the top is pressed in: zero where held, and never beyond what is prescribed."""
+    mesh = rectangle(1.0, 1.0, 8, 8)
+    operators = build_operators(mesh)
+
+    def strip(x: np.ndarray) -> np.ndarray:
+        return np.where(np.abs(x[:, 0] - 0.5) < 0.26, -1.0, 0.0)
+
+    held = tuple(Prescribed(side, x=0.0, y=0.0) for side in ("left", "right", "bottom"))
+    top = Prescribed("top", y=strip)
+    assembled = assemble_loading(Loading((*held, top), PUSH), operators, 1.0)
+    y = assembled.spread.reshape(2, -1)[1]
+    np.testing.assert_array_equal(y[mesh.nodes_on("top")], strip(mesh.nodes[mesh.nodes_on("top")]))
+    below = y[mesh.node_at(0.5, 0.5)]
+    assert -1.0 < below < -0.1
+    stress = operators.strain @ assembled.spread
+    assert np.abs((operators.force @ stress)[assembled.free_places]).max() < 1e-12
+
+
 def test_body_that_can_move_as_a_whole_is_refused() -> None:
     operators = build_operators(rectangle(0.5, 1.0, 2, 4))
     loading = Loading((Prescribed("bottom", y=0.0), Prescribed("top", y=-1.0)), PUSH)
