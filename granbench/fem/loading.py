@@ -269,12 +269,12 @@ def spread_motion(operators: Operators, fixed: Floats, unit: Floats) -> Floats:
             "the prescribed motions leave the body free to move as a whole; hold it in x and in y"
         )
     linear = np.column_stack([ones, x, y])
-    parts = [
+    along_x, along_y = (
         _affine(linear, fixed_part, unit_part)
         for fixed_part, unit_part in zip(np.split(fixed, 2), np.split(unit, 2), strict=True)
-    ]
-    if parts[0] is not None and parts[1] is not None:
-        return np.where(fixed, unit, np.concatenate(parts))
+    )
+    if along_x is not None and along_y is not None:
+        return np.where(fixed, unit, np.concatenate([along_x, along_y]))
     stiffness = (operators.force @ operators.strain).tocsc()
     free = np.flatnonzero(~fixed)
     factors = splu(stiffness[free][:, free], permc_spec="MMD_AT_PLUS_A")
