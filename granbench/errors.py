@@ -25,6 +25,10 @@ class EngineError(GranbenchError):
     """A simulation engine is missing, or ended a simulation."""
 
 
+class AnalysisError(GranbenchError):
+    """A finite-element analysis that cannot go on."""
+
+
 class ModelError(GranbenchError):
     """A model is unknown, its file is damaged, or it lacks what a path cannot give."""
 

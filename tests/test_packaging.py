@@ -151,6 +151,7 @@ LAYERS = (
     ("data",),
     ("models",),
     ("element_test", "stress_control"),
+    ("fem",),
     ("scoring",),
     ("protocols", "candidate"),
     ("driven_model", "driving", "laboratory"),

@@ -1,0 +1,103 @@
+"""One way in: a problem, a cell and a solver make an analysis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+
+import torch
+
+from granbench.cell import MaterialCell
+from granbench.errors import AnalysisError, ConfigurationError
+from granbench.fem.explicit import OnStep, solve_explicit
+from granbench.fem.gauss_points import GaussPoints
+from granbench.fem.implicit import solve_implicit
+from granbench.fem.iteration import ImplicitSettings
+from granbench.fem.loading import assemble_loading
+from granbench.fem.mesh import Floats, PlaneMesh
+from granbench.fem.operators import build_operators
+from granbench.fem.problems import Problem, find_problem
+from granbench.fem.result import Analysis, Recorder
+from granbench.fem.time_step import ExplicitSettings
+
+SOLVERS = ("explicit", "implicit")
+
+Settings = ExplicitSettings | ImplicitSettings
+
+
+def run(
+    problem: Problem | str,
+    cell: MaterialCell,
+    *,
+    solver: str | Settings = "explicit",
+    mesh: str | PlaneMesh | None = None,
+    scalars: Mapping[str, float | Floats] | None = None,
+    on_step: OnStep | None = None,
+) -> Analysis:
+    """Analyse a boundary-value problem with a cell as its material.
+
+    Parameters
+    ----------
+    problem : a problem, or the name of one with its default choices
+    cell : a model in plane components
+    solver : explicit or implicit as the problem sets it, or settings of your own
+    mesh : name of one of the problem's meshes, or a mesh with the boundaries that it names
+    scalars : what the cell may want to know at the start, such as `initial_void_ratio`
+    on_step : called at output steps
+
+    Returns
+    -------
+    Analysis; where the material or the solver fails, or Ctrl-C stops the run, with all output so
+    far and the reason in `failure`
+
+    Raises
+    ------
+    ConfigurationError
+        If problem, solver, mesh and cell do not fit each other, or the time step is unstable.
+    ModelError
+        If the cell cannot start so.
+    """
+    if isinstance(problem, str):
+        problem = find_problem(problem)
+    settings = _settings(problem, solver)
+    mesh_name = mesh if isinstance(mesh, str) else None if mesh else problem.default_mesh
+    if not isinstance(mesh, PlaneMesh):
+        mesh = problem.mesh(mesh)
+    operators = build_operators(mesh, b_bar=problem.b_bar)
+    loading = assemble_loading(problem.loading(mesh), operators, settings.density)
+    stress = problem.initial_stress(operators.points)
+    known = {"initial_mean_stress": 0.5 * (stress[0] + stress[1]), **(scalars or {})}
+    points = GaussPoints(cell, stress, operators.points, known)
+    recorder = Recorder(operators, points, problem.drive_length)
+    failure: AnalysisError | KeyboardInterrupt | None = None
+    parts = (operators, loading, points)
+    try:
+        with torch.no_grad():
+            if isinstance(settings, ExplicitSettings):
+                solve_explicit(*parts, settings, recorder, on_step)
+            else:
+                solve_implicit(*parts, settings, recorder, on_step)
+    except (AnalysisError, KeyboardInterrupt) as reason:
+        failure = reason
+    attributes = {
+        "problem": problem.name,
+        "title": problem.title,
+        "drive": problem.drive,
+        "choices": problem.configuration(),
+        "cell": cell.name,
+        "solver": "explicit" if isinstance(settings, ExplicitSettings) else "implicit",
+        "settings": asdict(settings),
+        "mesh": mesh_name or "given",
+        "completed": int(failure is None),
+        "failure": "" if failure is None else str(failure) or "interrupted",
+        "failed_step": getattr(failure, "step", -1),
+    }
+    return Analysis(recorder.dataset(attributes), failure)
+
+
+def _settings(problem: Problem, solver: str | Settings) -> Settings:
+    if not isinstance(solver, str):
+        return solver
+    if solver not in SOLVERS:
+        raise ConfigurationError(f"unknown solver {solver!r}; there are {' and '.join(SOLVERS)}")
+    return problem.explicit() if solver == "explicit" else problem.implicit()

@@ -1,0 +1,202 @@
+r"""Explicit dynamics: Algorithm 3 with damping relative to the prescribed motion.
+
+    M a = P - I - C (v - v_d),   C = c A = alpha M,   c = 2 gamma sqrt(rho E)   (Eq 5.3, 5.9)
+    v(n+1/2) = v(n-1/2) + dt a(n),   u(n+1) = u(n) + dt v(n+1/2)                (Eq 5.4)
+
+with the lumped mass M, the nodes' shares A of the area, and v_d the prescribed motion spread over
+the body (`granbench.fem.loading.spread_motion`), in which damping and inertia have no part. The
+damping force uses the mean of v - v_d before and after the instant, so that it does not narrow
+the stability limit of central differences, 2/omega_max.
+
+Energy is recorded in the form that central differences conserve, with the kinetic energy
+``m v(n-1/2) v(n+1/2)/2``: kinetic + internal + damping = external to rounding, whatever the
+material. Internal work is that of the nodal forces of the stresses, external work that of
+reactions, loads and weight, and of the impulses by which v_d changes.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from granbench.errors import AnalysisError
+from granbench.fem.gauss_points import GaussPoints
+from granbench.fem.loading import AssembledLoading
+from granbench.fem.mesh import Floats
+from granbench.fem.operators import Operators
+from granbench.fem.result import Recorder
+from granbench.fem.time_step import ExplicitSettings, choose_time_step
+
+EVEN = 1e-9
+"""Moves of a time step that differ by less, relatively, are at one speed: rounding of the times
+makes them differ by some 1e-12."""
+
+OnStep = Callable[[int, int], None]
+"""Called at output steps with the number of the step that is done, and how many there are."""
+
+
+def solve_explicit(
+    operators: Operators,
+    loading: AssembledLoading,
+    points: GaussPoints,
+    settings: ExplicitSettings,
+    recorder: Recorder,
+    on_step: OnStep | None = None,
+) -> None:
+    """Take a body through its loading; output steps go to the recorder as they are reached.
+
+    Raises
+    ------
+    ConfigurationError
+        If the time step is unstable.
+    AnalysisError
+        If the material fails, or becomes so stiff that the time step is unstable.
+    """
+    begin = time.perf_counter()
+    step = choose_time_step(operators, points, settings)
+    end = loading.loading.drive.end
+    per_output = max(1, math.ceil(end / step.chosen / settings.outputs - 1e-9))
+    motion = _Motion(operators, loading, points, settings, end / (per_output * settings.outputs))
+    motion.record(recorder, time.perf_counter() - begin)
+    total = per_output * settings.outputs
+    for output in range(1, settings.outputs + 1):
+        motion.advance((output - 1) * per_output, output * per_output)
+        motion.check_stability(output * per_output)
+        motion.record(recorder, time.perf_counter() - begin)
+        if on_step is not None:
+            on_step(output * per_output, total)
+
+
+class _Motion:
+    """A body in motion at t(n), with its velocity at t(n-1/2) as displacement in a time step."""
+
+    def __init__(
+        self,
+        operators: Operators,
+        loading: AssembledLoading,
+        points: GaussPoints,
+        settings: ExplicitSettings,
+        dt: float,
+    ) -> None:
+        self.operators, self.loading, self.points, self.dt = operators, loading, points, dt
+        self.rate = settings.damping_rate
+        self.mass = operators.lumped_mass(settings.density)
+        # m (w+ - w-) = dt^2 (P - I) - alpha dt m (w+ + w-)/2 for w = dt (v - v_d).
+        half = 0.5 * self.rate * dt
+        self.gain = np.where(loading.fixed, 0.0, dt * dt / (self.mass * (1.0 + half)))
+        self.loss = -2.0 * half / (1.0 + half)
+        self.time = self.largest_acceleration = self.stiffness = 0.0
+        self.displacement = np.zeros_like(self.mass)
+        self.relative = np.zeros_like(self.mass)
+        self.increment = np.zeros_like(self.mass)
+        self.driven = np.zeros_like(self.mass)
+        self.internal = operators.force @ points.stress
+        self.external = loading.external_force(loading.force_values(0.0))
+        self.reaction = loading.reaction(self.internal, self.external)
+        self.internal_work = self.external_work = self.damping_work = 0.0
+
+    def advance(self, begin: int, end: int) -> None:
+        """From step `begin` to step `end`."""
+        points, loading = self.points, self.loading
+        # Local names, and results into arrays that are there: the loop runs thousands of times
+        # over a few hundred numbers, where a call costs more than what it does.
+        strain_of, force_of = self.operators.strain, self.operators.force
+        gain, loss, mass, unit = self.gain, self.loss, self.mass, loading.unit
+        relative, displacement, nodes = self.relative, self.displacement, len(mass) // 2
+        damping_mass = (self.rate / self.dt) * mass
+        times = self.dt * np.arange(begin, end + 1)
+        moves = _evened(np.diff(loading.loading.drive.at(times)))
+        force_values = loading.force_values(times)
+        changing = (np.diff(force_values, axis=0) != 0.0).any(axis=1).tolist()
+        external, internal, du = self.external, self.internal, self.increment
+        reaction, opposed = self.reaction, float(unit @ external)
+        change, mean, squares = (np.empty_like(mass) for _ in range(3))
+        squares_x, squares_y, largest = squares[:nodes], squares[nodes:], np.zeros(nodes)
+        multiply, add, subtract, moved = np.multiply, np.add, np.subtract, math.nan
+        internal_work = damping_work = external_work = 0.0
+        for local, move in enumerate(moves.tolist()):
+            before = du
+            subtract(external, internal, change)
+            multiply(change, gain, change)
+            multiply(relative, loss, mean)
+            add(change, mean, change)
+            multiply(change, 0.5, mean)
+            add(mean, relative, mean)
+            multiply(mean, damping_mass, mean)
+            add(relative, change, relative)
+            if move == moved:
+                du = relative + self.driven
+            else:
+                driven = move * loading.spread
+                jump, self.driven, moved = driven - self.driven, driven, move
+                du = relative + driven
+                external_work += float((mass * jump) @ (before + du)) / self.dt**2
+            damping_work += mean @ before + mean @ du
+            add(displacement, du, displacement)
+            multiply(change, change, squares)
+            add(squares_x, squares_y, squares_x)
+            np.maximum(largest, squares_x, out=largest)
+            stress = points.step(strain_of @ du, begin + local + 1)
+            points.accept()
+            previous, internal = internal, force_of @ stress
+            internal_work += previous @ du + internal @ du
+            work = external @ du
+            external_work += work
+            if changing[local]:
+                external = loading.external_force(force_values[local + 1])
+                opposed, work = float(unit @ external), external @ du
+            later = float(unit @ internal) - opposed
+            external_work += work + (reaction + later) * move
+            reaction = later
+        self.internal_work += 0.5 * float(internal_work)
+        self.damping_work += 0.5 * float(damping_work)
+        self.external_work += 0.5 * float(external_work)
+        self.stiffness = float((internal - previous) @ du) / float((mass * du) @ du)
+        self.external, self.internal, self.increment = external, internal, du
+        self.reaction, self.time = reaction, float(times[-1])
+        self.largest_acceleration = math.sqrt(largest.max()) / self.dt**2
+
+    def check_stability(self, step: int) -> None:
+        """Raise AnalysisError if the body moves at a frequency that the time step cannot follow.
+
+        The last increment has the Rayleigh quotient omega^2 = du.dI/(du.M du). One that grows
+        without bound turns to the highest frequency, for which dt omega > 2.
+        """
+        if self.stiffness * self.dt**2 > 4.0:
+            raise AnalysisError(
+                f"the time step of {self.dt:.3g} s became unstable by step {step}: the material is "
+                "now stiffer than at the start; give a lower safety factor or time step"
+            )
+
+    def record(self, recorder: Recorder, seconds: float) -> None:
+        """Hand the present output step on."""
+        change = self.gain * (self.external - self.internal) + self.loss * self.relative
+        mean = self.relative + 0.5 * change
+        velocity = self.mass * self.increment / self.dt**2
+        kinetic = 0.5 * float(velocity @ (self.increment + change))
+        damping = self.damping_work + 0.5 * self.rate * self.dt * float(velocity @ mean)
+        parts = (kinetic, self.internal_work, damping, self.external_work)
+        missing = sum(parts[:3]) - parts[3]
+        recorder.add(
+            self.displacement,
+            driving_displacement=float(self.loading.loading.drive.at(self.time)),
+            time=self.time,
+            reaction=self.reaction,
+            maximum_acceleration=self.largest_acceleration,
+            kinetic_energy=kinetic,
+            internal_energy=self.internal_work,
+            damping_work=damping,
+            external_work=self.external_work,
+            energy_error=missing / (max(map(abs, parts)) or 1.0),
+            cell_seconds=self.points.seconds,
+            solver_seconds=seconds - self.points.seconds,
+        )
+
+
+def _evened(moves: Floats) -> Floats:
+    """Equal moves where they differ by their rounding only, so that nothing is pushed by it."""
+    mean = moves.mean()
+    return np.full_like(moves, mean) if np.ptp(moves) <= EVEN * abs(mean) else moves

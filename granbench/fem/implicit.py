@@ -1,0 +1,176 @@
+r"""Implicit statics: load steps, each iterated until the forces balance.
+
+    r(du) = P - I(sigma(B du)) = 0      for the free displacements
+
+where the material goes from its last converged state over the whole increment du of the load step
+in every iteration, as in Algorithm 2. The named schemes differ in how du is improved; they are in
+`granbench.fem.iteration`. A load step in which the scheme fails is cut in two, as often as
+allowed. Iterations begin at the last increment, scaled by the driving displacement, or where that
+misled or the drive turned, at the prescribed motion spread over the body.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from granbench.errors import AnalysisError
+from granbench.fem.balance import Balance
+from granbench.fem.explicit import OnStep
+from granbench.fem.gauss_points import GaussPoints, MaterialFailure
+from granbench.fem.iteration import ImplicitSettings, Outcome, scheme_of
+from granbench.fem.loading import AssembledLoading, LoadingHistory
+from granbench.fem.mesh import Floats
+from granbench.fem.operators import Operators
+from granbench.fem.result import Recorder
+
+
+def load_times(drive: LoadingHistory, steps: int) -> Floats:
+    """Ends of the load steps, s, from 0; every turning point of the drive is one.
+
+    Parameters
+    ----------
+    drive : the driving displacement
+    steps : how many there are to be; more where the turning points ask for it
+    """
+    ends = np.asarray(drive.times)
+    counts = np.maximum(1, np.round(steps * np.diff(ends) / drive.end).astype(int))
+    pieces = [
+        np.linspace(begin, end, count, endpoint=False)
+        for begin, end, count in zip(ends[:-1], ends[1:], counts, strict=True)
+    ]
+    return np.concatenate([*pieces, ends[-1:]])
+
+
+def solve_implicit(
+    operators: Operators,
+    loading: AssembledLoading,
+    points: GaussPoints,
+    settings: ImplicitSettings,
+    recorder: Recorder,
+    on_step: OnStep | None = None,
+) -> None:
+    """Take a body through its loading; load steps go to the recorder as they converge.
+
+    Raises
+    ------
+    ConfigurationError
+        If the scheme lacks a stiffness.
+    AnalysisError
+        If a load step does not converge, or the material fails, however small the step.
+    """
+    march = _March(operators, loading, points, settings)
+    march.record(recorder, (), 0, 0)
+    times = load_times(loading.loading.drive, settings.steps)
+    for step in range(1, len(times)):
+        march.advance(times[step - 1], times[step], step, recorder)
+        if on_step is not None:
+            on_step(step, len(times) - 1)
+
+
+class _March:
+    """A body on its way through the load steps."""
+
+    def __init__(
+        self,
+        operators: Operators,
+        loading: AssembledLoading,
+        points: GaussPoints,
+        settings: ImplicitSettings,
+    ) -> None:
+        self.begin = time.perf_counter()
+        self.loading, self.points, self.settings = loading, points, settings
+        self.balance = Balance(operators, points, loading.free_places)
+        self.scheme = scheme_of(settings, self.balance)
+        self.displacement = np.zeros(2 * operators.node_count)
+        self.last, self.last_move = np.zeros_like(self.displacement), 0.0
+        self.internal = operators.force @ points.stress
+        self.external = loading.external_force(loading.force_values(0.0))
+        self.balance.enlarge_scale(self.internal, self.external)
+        self.time = 0.0
+        self.internal_work = self.external_work = 0.0
+
+    def advance(self, begin: float, end: float, step: int, recorder: Recorder) -> None:
+        """One load step, in as many pieces as it takes."""
+        length, done, share, iterations, pieces = end - begin, 0.0, 1.0, 0, 0
+        residuals: tuple[float, ...] = ()
+        drive = self.loading.loading.drive
+        while done < 1.0:
+            until = end if done + share >= 1.0 else begin + (done + share) * length
+            move = float(drive.at(until) - drive.at(self.time))
+            outcome, failure = None, None
+            self.balance.aim_at(self.loading.external_force(self.loading.force_values(until)), step)
+            for guess in self._guesses(move):
+                try:
+                    outcome = self.scheme(guess)
+                except MaterialFailure as problem:
+                    failure = problem
+                    continue
+                iterations += len(outcome.residuals) - 1
+                if outcome.converged:
+                    break
+            if outcome is None or not outcome.converged:
+                share *= 0.5
+                if share < 0.5**self.settings.cuts:
+                    raise self._failed(step, outcome, failure)
+                continue
+            self._keep(outcome.increment, move, until)
+            residuals = outcome.residuals
+            pieces += 1
+            done += share
+            share = min(2.0 * share, 1.0 - done)
+        self.record(recorder, residuals, iterations, pieces)
+
+    def _guesses(self, move: float) -> list[Floats]:
+        """First values of an increment, the more promising first."""
+        spread = move * self.loading.spread
+        if move * self.last_move > 0.0:
+            return [np.where(self.loading.fixed, spread, move / self.last_move * self.last), spread]
+        return [spread]
+
+    def _keep(self, increment: Floats, move: float, until: float) -> None:
+        """Move on to the state of the last iteration."""
+        self.points.accept()
+        internal, external = self.balance.internal, self.balance.external
+        reaction = self.loading.reaction(self.internal, self.external)
+        later = self.loading.reaction(internal, external)
+        self.internal_work += 0.5 * float((self.internal + internal) @ increment)
+        self.external_work += 0.5 * float((self.external + external) @ increment)
+        self.external_work += 0.5 * (reaction + later) * move
+        self.displacement += increment
+        self.internal, self.external = internal, external
+        self.last, self.last_move, self.time = increment, move, until
+
+    def _failed(
+        self, step: int, outcome: Outcome | None, failure: MaterialFailure | None
+    ) -> AnalysisError:
+        if outcome is None and failure is not None:
+            return failure
+        residual = outcome.residuals[-1] if outcome is not None else np.nan
+        return AnalysisError(
+            f"load step {step} does not converge with the scheme {self.settings.scheme!r}, however "
+            f"small its pieces: forces are out of balance by {residual:.2g} of their size; "
+            f"{self.scheme.remedy}"
+        )
+
+    def record(
+        self, recorder: Recorder, residuals: tuple[float, ...], iterations: int, pieces: int
+    ) -> None:
+        """Hand the present load step on."""
+        parts = self.internal_work, self.external_work
+        seconds = time.perf_counter() - self.begin
+        recorder.add(
+            self.displacement,
+            driving_displacement=float(self.loading.loading.drive.at(self.time)),
+            residuals=residuals,
+            time=self.time,
+            reaction=self.loading.reaction(self.internal, self.external),
+            iterations=iterations,
+            pieces=pieces,
+            internal_energy=self.internal_work,
+            external_work=self.external_work,
+            energy_error=(parts[0] - parts[1]) / (max(map(abs, parts)) or 1.0),
+            cell_seconds=self.points.seconds,
+            solver_seconds=seconds - self.points.seconds,
+        )

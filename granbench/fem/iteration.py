@@ -1,0 +1,287 @@
+r"""Schemes that bring a load step into balance.
+
+newton
+    du <- du + a K(C)^-1 r with the cell's tangent C at du, and a = 1 or, by a line search, less;
+    where no a lessens r, with a share of the stiffness at rest added to C.
+restart
+    Algorithm 2: every iteration solves for the whole increment from the last converged step with
+    the cell's tangent at the last one, without a line search, until successive increments agree
+    in ``|du(m+1) - du(m)| <= tolerance |du(m)|``. Read literally, Eq 4.10 with sigma(n, m) on its
+    right-hand side would give a correction and not the increment; with the forces that C itself
+    predicts added, K du(m+1) = r + K du(m), its fixed point is a balance.
+initial-stiffness
+    du <- du + K0^-1 r with one elastic matrix, given or the cell's tangent at the start, and
+    Anderson's acceleration over the last iterates. It asks nothing of the cell but its stress.
+"""
+
+from __future__ import annotations
+
+import abc
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from granbench.errors import ConfigurationError
+from granbench.fem.balance import Balance
+from granbench.fem.gauss_points import MaterialFailure
+from granbench.fem.mesh import Floats
+
+LOOK_BACK = 5
+"""Errors under whose largest a Newton step has to end (Grippo, Lampariello & Lucidi 1986). While
+points go in and out of yield the error must be allowed to rise, or the steps become short."""
+
+HALVINGS = 4
+"""Of a Newton step that does not lessen the error, before the increment is given up."""
+
+ARMIJO = 1e-4
+"""Share of the error that a full Newton step takes off at least; a shorter one, in proportion."""
+
+ELASTIC_SHARES = (0.0, 1e-3, 0.1)
+"""Of the stiffness at rest, added to the tangent. A body that flows as a whole without hardening
+has a singular tangent, of which a small share of elasticity makes the least motion."""
+
+Linearised = tuple[Floats, Floats, float, Floats]
+"""An increment, the forces out of balance, their size, and the tangent there."""
+
+MEMORY = 10
+"""Iterates that Anderson's acceleration looks back on."""
+
+
+@dataclass(frozen=True)
+class ImplicitSettings:
+    """How an implicit analysis is made.
+
+    Parameters
+    ----------
+    steps : number of load steps
+    scheme : a key of `SCHEMES`
+    tolerance : of the forces out of balance, relative to the largest nodal forces so far (their
+        Euclidean norms)
+    displacement_tolerance : of the scheme `restart`, which stops by it instead
+    iterations : most in a piece of a load step; by default those of the scheme
+    cuts : how often a load step may be halved
+    stiffness : ((xx, yy, xy) x 3), Pa; matrix of the scheme `initial-stiffness`, by default the
+        cell's tangent at the start. Moving a shear strain moves both its entries in the tensor.
+    density : kg/m3, of the weight
+
+    Raises
+    ------
+    ConfigurationError
+        If a number is out of range or the scheme unknown.
+    """
+
+    steps: int = 100
+    scheme: str = "newton"
+    tolerance: float = 1e-6
+    displacement_tolerance: float = 1e-4
+    iterations: int | None = None
+    cuts: int = 8
+    stiffness: tuple[tuple[float, ...], ...] | None = None
+    density: float = 2650.0
+
+    def __post_init__(self) -> None:
+        if self.scheme not in SCHEMES:
+            raise ConfigurationError(
+                f"unknown scheme {self.scheme!r}; there are {', '.join(SCHEMES)}"
+            )
+        for name in ("steps", "tolerance", "displacement_tolerance", "density", "iterations"):
+            value = getattr(self, name)
+            if value is not None and not (0.0 < value < math.inf):
+                raise ConfigurationError(f"{name} is {value:g}; give one above 0")
+        if self.cuts < 0:
+            raise ConfigurationError(f"cuts is {self.cuts}; give 0 or more")
+        if self.stiffness is not None and np.shape(self.stiffness) != (3, 3):
+            raise ConfigurationError(
+                f"a stiffness has the shape {np.shape(self.stiffness)}; it must be (3, 3)"
+            )
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a scheme came to.
+
+    Parameters
+    ----------
+    increment : (2 node,), displacement of the piece, whose state the Gauss points hold as tried
+    residuals : forces out of balance over their reference, by iteration; the first is the guess's
+    converged : whether the scheme's criterion is met
+    """
+
+    increment: Floats
+    residuals: tuple[float, ...]
+    converged: bool
+
+
+class Scheme(abc.ABC):
+    """A way to balance; called with a first increment (2 node,).
+
+    Attributes
+    ----------
+    most : iterations by default
+    remedy : what to do where it fails, the end of a sentence
+    """
+
+    most: int
+    remedy: str
+
+    def __init__(self, settings: ImplicitSettings, balance: Balance) -> None:
+        self.settings, self.balance = settings, balance
+        self.limit = settings.iterations or self.most
+
+    @abc.abstractmethod
+    def __call__(self, guess: Floats) -> Outcome:
+        """Improve an increment until it balances, or give up."""
+
+
+class Newton(Scheme):
+    """See the module."""
+
+    most = 25
+    remedy = (
+        "take more load steps, or the scheme 'initial-stiffness', which needs no tangent of the "
+        "model"
+    )
+
+    def __call__(self, guess: Floats) -> Outcome:
+        """See `Scheme`."""
+        balance, increment = self.balance, guess
+        rest, error, tangent = balance.linearised(increment)
+        errors = [error]
+        while error > self.settings.tolerance and len(errors) <= self.limit:
+            found = self._improved(increment, rest, max(errors[-LOOK_BACK:]), tangent)
+            if found is None:
+                break
+            increment, rest, error, tangent = found
+            errors.append(error)
+        return Outcome(increment, tuple(errors), error <= self.settings.tolerance)
+
+    def _improved(
+        self, increment: Floats, rest: Floats, ceiling: float, tangent: Floats
+    ) -> Linearised | None:
+        """One iteration; where the tangent itself leads nowhere, with some elasticity added."""
+        balance = self.balance
+        for share in ELASTIC_SHARES:
+            if share > 0.0:
+                tangent = tangent + share * balance.stiffness_at_rest()
+            solve = balance.pattern.factorised(tangent)
+            if solve is None:
+                continue
+            found = self._along(increment, solve(rest), ceiling)
+            if found is not None:
+                return found
+        return None
+
+    def _along(self, increment: Floats, correction: Floats, ceiling: float) -> Linearised | None:
+        """The longest of a few steps along a correction whose error stays under a ceiling."""
+        for halving in range(HALVINGS + 1):
+            length = 0.5**halving
+            trial = self.balance.moved(increment, length * correction)
+            try:
+                rest, after, tangent = self.balance.linearised(trial)
+            except MaterialFailure:
+                continue
+            if after <= (1.0 - ARMIJO * length) * ceiling:
+                return trial, rest, after, tangent
+        return None
+
+
+class Restart(Scheme):
+    """See the module."""
+
+    most = 100
+    remedy = "take more load steps, or the scheme 'newton'"
+
+    def __call__(self, guess: Floats) -> Outcome:
+        """See `Scheme`."""
+        balance, increment = self.balance, guess
+        rest, error, tangent = balance.linearised(increment)
+        errors = [error]
+        converged = False
+        while not converged and len(errors) <= self.limit:
+            solve = balance.pattern.factorised(tangent)
+            if solve is None:
+                break
+            correction = solve(rest)
+            size = np.linalg.norm(increment) * self.settings.displacement_tolerance
+            converged = bool(np.linalg.norm(correction) <= size)
+            increment = balance.moved(increment, correction)
+            rest, error, tangent = balance.linearised(increment)
+            errors.append(error)
+        return Outcome(increment, tuple(errors), converged)
+
+
+@dataclass
+class _Iterates:
+    """What Anderson's acceleration remembers: differences of iterates and of their corrections."""
+
+    moves: list[Floats] = field(default_factory=list)
+    changes: list[Floats] = field(default_factory=list)
+
+    def remember(self, move: Floats, change: Floats) -> None:
+        """Add one difference, and forget the oldest beyond `MEMORY`."""
+        self.moves.append(move)
+        self.changes.append(change)
+        del self.moves[:-MEMORY], self.changes[:-MEMORY]
+
+    def accelerated(self, correction: Floats) -> Floats:
+        """The correction less what the last ones would predict of it."""
+        if not self.changes:
+            return correction
+        changes, moves = np.array(self.changes).T, np.array(self.moves).T
+        weights, *_ = np.linalg.lstsq(changes, correction, rcond=1e-10)
+        return correction - (moves + changes) @ weights
+
+
+class InitialStiffness(Scheme):
+    """See the module."""
+
+    most = 300
+    remedy = (
+        "take more load steps, or give a `stiffness` that is not below the material's elastic one"
+    )
+
+    def __init__(self, settings: ImplicitSettings, balance: Balance) -> None:
+        super().__init__(settings, balance)
+        if settings.stiffness is not None:
+            matrix = np.asarray(settings.stiffness, dtype=float)
+            tangent = np.broadcast_to(matrix, (balance.points.count, 3, 3))
+        else:
+            tangent = balance.stiffness_at_rest()
+        symmetric = tangent + tangent.transpose(0, 2, 1)
+        definite = np.isfinite(tangent).all() and np.linalg.eigvalsh(symmetric).min() > 0.0
+        solve = balance.pattern.factorised(tangent) if definite else None
+        if solve is None:
+            raise ConfigurationError(
+                f"{balance.points.cell.name} has no elastic stiffness that the scheme "
+                "'initial-stiffness' could use; give a positive definite one as `stiffness`"
+            )
+        self._solve = solve
+
+    def __call__(self, guess: Floats) -> Outcome:
+        """See `Scheme`."""
+        balance, increment, iterates = self.balance, guess, _Iterates()
+        rest, error = balance.residual(increment)
+        errors = [error]
+        correction = self._solve(rest)
+        while error > self.settings.tolerance and len(errors) <= self.limit:
+            move = iterates.accelerated(correction)
+            increment = balance.moved(increment, move)
+            rest, error = balance.residual(increment)
+            errors.append(error)
+            before, correction = correction, self._solve(rest)
+            iterates.remember(move, correction - before)
+        return Outcome(increment, tuple(errors), error <= self.settings.tolerance)
+
+
+SCHEMES: dict[str, type[Scheme]] = {
+    "newton": Newton,
+    "restart": Restart,
+    "initial-stiffness": InitialStiffness,
+}
+"""Schemes by name."""
+
+
+def scheme_of(settings: ImplicitSettings, balance: Balance) -> Scheme:
+    """The scheme that the settings name; raises ConfigurationError without a stiffness for it."""
+    return SCHEMES[settings.scheme](settings, balance)
