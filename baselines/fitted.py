@@ -2,8 +2,9 @@
 
 What an engineer would do with the same records: take a classical model and adjust its parameters.
 They are found as `granbench fit` finds those of laboratory tests, by the derivatives of whole
-strain-driven paths, from several starts of which none is a published set; the validation split
-chooses among the minima.
+strain-driven paths, from several starts scattered about a published set; the validation split
+chooses among the minima. That set made some of the datasets: on those the search begins near the
+truth, and that it finds it says less than it seems.
 """
 
 import platform
