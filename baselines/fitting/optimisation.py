@@ -148,15 +148,18 @@ def levenberg_marquardt(
             normal[fresh] = jacobian.mT @ jacobian
             gradient[fresh] = torch.einsum("vrp,vr->vp", jacobian, residual)
         going = torch.nonzero(running).flatten()
-        step = _damped_step(normal[going], gradient[going], damping[going])
+        step = _damped_step(normal[going], gradient[going], damping[going], vectors[going])
         trial = (vectors[going] + step).clamp(-FARTHEST, FARTHEST)
+        stretched = (step.abs() >= LONGEST_STEP).any(dim=1)
         answer = problem.evaluated(trial)
         trial_cost = ((answer.residuals + noise[going]) ** 2).sum(dim=1)
         before = cost[going]
         better = trial_cost < before
         gain = (before - trial_cost) / before.clamp(min=torch.finfo(cost.dtype).tiny)
         moved = (trial - vectors[going]).abs().amax(dim=1)
-        calm[going] = torch.where(better & (gain < effort.tolerance), calm[going] + 1, 0)
+        # A step that its length cut short says nothing of how far the minimum is.
+        quiet = better & (gain < effort.tolerance) & ~stretched
+        calm[going] = torch.where(quiet, calm[going] + 1, 0)
         settled = (calm[going] >= CALM_STEPS) | (moved < SMALLEST_STEP)
         vectors[going] = torch.where(better[:, None], trial, vectors[going])
         gained = torch.nonzero(better).flatten()
@@ -180,17 +183,28 @@ def levenberg_marquardt(
     return Minimum(vectors, cost, converged, iterations)
 
 
-def _damped_step(normal: Tensor, gradient: Tensor, damping: Tensor) -> Tensor:
-    """-(J^T J + damping max(diag J^T J) I)^-1 J^T r, (start, parameter), no longer than allowed.
+def _damped_step(normal: Tensor, gradient: Tensor, damping: Tensor, vectors: Tensor) -> Tensor:
+    """-(J^T J + damping max(diag J^T J) I)^-1 J^T r, (start, parameter), within its bounds.
 
-    The unconstrained numbers are of one size, so one damping holds all of them. Marquardt's
-    scaling by the diagonal would let a parameter run that hardly acts, and with the length of the
-    step bounded the others would stand still for it.
+    No component is longer than allowed or leads out of the range that is searched. One that would
+    is held at its bound and the others are solved for anew, so that a parameter that hardly acts
+    neither shortens the steps of those that do nor makes the search look as if it had arrived. The
+    unconstrained numbers are of one size, so one damping holds all of them.
     """
     largest = normal.diagonal(dim1=1, dim2=2).amax(dim=1).clamp(min=torch.finfo(normal.dtype).tiny)
     identity = torch.eye(normal.shape[1], dtype=normal.dtype)
     damped = normal + (damping * largest)[:, None, None] * identity
-    step, _ = torch.linalg.solve_ex(damped, -gradient)
-    step = step.nan_to_num()
-    length = step.abs().amax(dim=1, keepdim=True)
-    return step * (LONGEST_STEP / length.clamp(min=LONGEST_STEP))
+    lower = (-FARTHEST - vectors).clamp(min=-LONGEST_STEP)
+    upper = (FARTHEST - vectors).clamp(max=LONGEST_STEP)
+    step, held = torch.zeros_like(gradient), torch.zeros_like(gradient, dtype=torch.bool)
+    for _ in range(normal.shape[1] + 1):
+        matrix = torch.where(held[..., None], identity, damped)
+        pushed = torch.where(held, step, -gradient)
+        solved, _ = torch.linalg.solve_ex(matrix, pushed)
+        solved = solved.nan_to_num()
+        beyond = ~held & ((solved < lower) | (solved > upper))
+        step = torch.where(held, step, torch.minimum(torch.maximum(solved, lower), upper))
+        if not beyond.any():
+            break
+        held = held | beyond
+    return step
