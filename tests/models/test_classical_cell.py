@@ -123,8 +123,6 @@ def test_gradients_after_a_run_without_them():
 def test_parameters_per_point_are_as_many_models(model):
     """How several starts of a fit run as one batch."""
     cell = model()
-    if cell.pressure_dependent and not isinstance(cell, DruckerPrager):
-        pytest.skip("its steps are chosen point by point: see its own tests")
     free = 0.1 * torch.randn(
         len(cell.parameter_table), 3, generator=torch.Generator().manual_seed(0),
         dtype=torch.float64,
