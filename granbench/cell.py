@@ -144,6 +144,8 @@ class MaterialCell(abc.ABC):
     internals : names of one-wide slices that predict the dataset variable of the same name
     reads_records : whether it reads its answers from records instead of computing them from the
         increment, as the oracle does; then it has none where the strain is not the recorded one
+    cheap_tangent : whether `tangent` costs little more than a step; if not, Newton's method under
+        held stresses takes differences instead, see `granbench.difference_tangent`
     """
 
     name: str
@@ -152,6 +154,7 @@ class MaterialCell(abc.ABC):
     layout: StateLayout
     internals: tuple[str, ...] = ()
     reads_records: bool = False
+    cheap_tangent: bool = True
 
     @property
     def component_count(self) -> int:

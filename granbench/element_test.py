@@ -13,17 +13,15 @@ import torch
 from torch import Tensor
 
 from granbench.cell import Conditions, MaterialCell
+from granbench.difference_tangent import with_cheap_tangent
 from granbench.errors import ConfigurationError
 from granbench.paths.mixed_control import MixedControl
-from granbench.stress_control import StressControl, finite, surviving
+from granbench.stress_control import Patience, StressControl, finite, surviving
 
 LEAST_TOLERANCE = 1e-9
 ROUNDINGS = 100.0
 """A held stress may be off by so many unit roundings of the cell's type: in float32 that is
 1.2e-5, for a network's stress is the sum of larger numbers."""
-
-SMALLEST_SHARE = 2.0**-10
-"""Of a step, below which an increment is not cut."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +82,7 @@ def run_test(
     start: Conditions | Tensor,
     *,
     tolerance: float | None = None,
+    patience: Patience | None = None,
     on_step: Callable[[int], None] | None = None,
 ) -> ElementTest:
     """Take a cell through a test.
@@ -95,6 +94,7 @@ def run_test(
     start : what is known at step 0, or the state (point, n_state) that a test ended with
     tolerance : of the held stresses, relative to the stress scale: the largest stress that the
         point has had, or was asked for, so far. 1e-9 by default, in float32 1.2e-5.
+    patience : how much is tried before a point counts as failed; a lot by default
     on_step : called with the number of each step that is done
 
     Returns
@@ -128,7 +128,7 @@ def run_test(
         )
     with torch.no_grad():
         state = start if isinstance(start, Tensor) else cell.initial_state(start)
-        driver = _Driver(cell, control, state, tolerance)
+        driver = _Driver(cell, control, state, tolerance, patience or Patience())
         for step in range(1, control.steps):
             driver.advance(step)
             if on_step is not None:
@@ -140,16 +140,22 @@ class _Driver:
     """A batch of tests under way, and the records of the steps that are done."""
 
     def __init__(
-        self, cell: MaterialCell, control: MixedControl, state: Tensor, tolerance: float
+        self,
+        cell: MaterialCell,
+        control: MixedControl,
+        state: Tensor,
+        tolerance: float,
+        patience: Patience,
     ) -> None:
         self.cell = cell
         points, _, controls = control.targets.shape
         magnitude = np.abs(control.held).sum(axis=2, keepdims=True)
         self.control = StressControl(
-            cell,
+            with_cheap_tangent(cell),
             torch.from_numpy(control.free),
             torch.from_numpy(control.held / magnitude),
             tolerance,
+            patience,
         )
         self.driven = torch.from_numpy(control.driven)
         self.targets = torch.from_numpy(control.targets / magnitude[:, None, :, 0])
@@ -192,13 +198,15 @@ class _Driver:
         share = torch.ones_like(reached)
         error, increments = torch.zeros_like(reached), torch.zeros_like(reached)
         open_ = self.alive
+        patience, refusals = self.control.patience, torch.zeros(len(change), dtype=torch.int64)
         guess = self._extrapolated(change)
         while open_.any():
             part = torch.where(open_, share, 0.0)[:, None]
             wanted = begin + (reached[:, None] + part) * (target - begin)
-            trial = self.control.solve(
+            trial, refused = self.control.solve(
                 self.state, part * change, wanted, part * guess, open_, self.scale
             )
+            refusals = refusals + refused
             met = open_ & (trial.error <= self.control.tolerance)
             self._accept(met, trial.stress, trial.state)
             self.followed = torch.where(met[:, None], self.followed + trial.x, self.followed)
@@ -212,7 +220,8 @@ class _Driver:
             smaller = torch.where(misled, share, 0.5 * share)
             share = torch.where(met, torch.minimum(2.0 * share, 1.0 - reached), smaller)
             guess = torch.where(met[:, None], self._extrapolated(change), 0.0)
-            open_ = open_ & (reached < 1.0) & (met | (share >= SMALLEST_SHARE))
+            hopeful = (share >= patience.smallest_share) & (refusals < patience.refusals)
+            open_ = open_ & (reached < 1.0) & (met | hopeful)
         left = (target - self.control.combined(self.stress)).abs().amax(dim=1)
         left = left / torch.where(self.scale > 0.0, self.scale, 1.0)
         error = torch.where(error.isfinite(), torch.maximum(error, left), torch.nan)

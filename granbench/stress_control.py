@@ -16,9 +16,6 @@ from torch import Tensor
 
 from granbench.cell import MaterialCell
 
-ITERATIONS = 30
-HALVINGS = 8
-"""Of a Newton step that does not lessen the error, before the increment is given up."""
 ARMIJO = 1e-4
 """Share of the error that a full Newton step takes off at least; a shorter one, in proportion."""
 
@@ -27,6 +24,24 @@ Answer = Callable[[Tensor, Tensor], tuple[Tensor, ...]]
 
 FLOATING_FAILURES = (ArithmeticError, torch.linalg.LinAlgError)
 """What a cell may raise for a point that it cannot follow, in place of a NaN stress."""
+
+
+@dataclass(frozen=True)
+class Patience:
+    """How much is tried before a point is given up.
+
+    Parameters
+    ----------
+    iterations : of Newton's method in an increment
+    halvings : of a Newton step that does not lessen the error, before the increment is given up
+    smallest_share : of a step, below which an increment is not cut
+    refusals : answers without a stress that a point may give in one step
+    """
+
+    iterations: int = 30
+    halvings: int = 8
+    smallest_share: float = 2.0**-10
+    refusals: int = 1000
 
 
 @dataclass(frozen=True)
@@ -66,12 +81,14 @@ class StressControl:
     free : (point, component, control), strain directions that follow the stresses
     held : (point, control, component), stress combinations that are held
     tolerance : of the held stresses, relative to the stress scale
+    patience : how much is tried
     """
 
     cell: MaterialCell
     free: Tensor
     held: Tensor
     tolerance: float
+    patience: Patience
 
     def freed(self, x: Tensor) -> Tensor:
         """Strain (point, component) of free strains (point, control)."""
@@ -89,7 +106,7 @@ class StressControl:
         guess: Tensor,
         where: Tensor,
         scale: Tensor,
-    ) -> Trial:
+    ) -> tuple[Trial, Tensor]:
         """The trial nearest to the targets; an error above the tolerance says that it failed.
 
         Parameters
@@ -100,26 +117,33 @@ class StressControl:
         guess : (point, control), free strains to start from
         where : (point,), the points that are asked for; at others the trial means nothing
         scale : (point,), Pa; zero for that of the first answer
+
+        Returns
+        -------
+        trial : the best
+        refusals : (point,), how often the cell gave a point no stress
         """
         increment = _Increment(self, state, driven, target, scale)
         at = increment.trial(guess, where)
-        for _ in range(ITERATIONS):
+        refusals = (where & at.error.isinf()).long()
+        for _ in range(self.patience.iterations):
             going = where & (at.error > self.tolerance)
             if not going.any():
                 break
             step = increment.newton_step(at, going)
             nearer = torch.zeros_like(going)
-            for halving in range(HALVINGS + 1):
+            for halving in range(self.patience.halvings + 1):
                 length = 0.5**halving
-                moving = going & ~nearer
+                moving = going & ~nearer & (refusals < self.patience.refusals)
+                if not moving.any():
+                    break
                 trial = increment.trial(at.x - length * step, moving)
+                refusals = refusals + (moving & trial.error.isinf())
                 better = moving & (trial.error < (1.0 - ARMIJO * length) * at.error)
                 at = at.replaced(better, trial)
                 nearer = nearer | better
-                if torch.equal(nearer, going):
-                    break
             where = where & (nearer | ~going)
-        return at
+        return at, refusals
 
 
 @dataclass(frozen=True)

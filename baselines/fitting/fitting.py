@@ -32,7 +32,7 @@ from granbench.models import ClassicalCell
 
 CURVE_SPREAD = 0.5
 CANDIDATES = 4
-"""Drawn for every start that is wanted; some may be impossible."""
+"""Drawn for every start that is wanted."""
 
 RANDOM_FIRSTS = 256
 TINY = 1e-6
@@ -239,7 +239,9 @@ def possible_starts(problem: Problem, settings: FitSettings) -> Tensor:
 
     The first is that of the cell's own values or, where they cannot start the tests, the nearest
     of some random ones that can. The others are scattered about it by the spread, but less along
-    what moves the curves much: by no more than `CURVE_SPREAD` of their ranges, to first order.
+    what moves the curves much: by no more than `CURVE_SPREAD` of their ranges, to first order. Of
+    several drawn for each, those that fit best are taken: a search from parameters with which the
+    model cannot follow the tests is long and seldom arrives.
     """
     wanted, space = settings.starts, problem.space
     generator = torch.Generator().manual_seed(settings.seed)
@@ -251,7 +253,8 @@ def possible_starts(problem: Problem, settings: FitSettings) -> Tensor:
     shape = (CANDIDATES * wanted, space.size)
     drawn = first + torch.randn(shape, generator=generator, dtype=torch.float64) @ half.mT
     possible = drawn[problem.can_start(drawn)]
-    return torch.cat([first[None], possible])[:wanted]
+    best = problem.costs(possible).argsort()[: wanted - 1] if wanted > 1 else slice(0)
+    return torch.cat([first[None], possible[best]])
 
 
 def _first_start(problem: Problem, spread: float, generator: torch.Generator) -> Tensor:

@@ -109,6 +109,10 @@ class Problem:
         """Residuals (vector, residual); infinite where the model cannot start with a vector."""
         return self.evaluated(vectors).residuals
 
+    def costs(self, vectors: Tensor) -> Tensor:
+        """Sum of squares (vector,); infinite where the model cannot start with a vector."""
+        return (self.residuals(vectors) ** 2).sum(dim=1)
+
     def jacobian(self, vectors: Tensor, evaluation: Evaluation) -> Tensor:
         """Derivatives of the residuals, (vector, residual, parameter).
 

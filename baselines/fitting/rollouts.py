@@ -19,16 +19,21 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from granbench.baselines.fitting.newton_cell import NewtonCell
+from granbench.baselines.fitting.cell_of_each_point import CellOfEachPoint
 from granbench.baselines.fitting.observations import TestBatch
 from granbench.baselines.fitting.parameter_space import ParameterSpace, with_parameters
 from granbench.cell import Conditions
 from granbench.element_test import run_test
 from granbench.models import ClassicalCell
+from granbench.stress_control import Patience
 
 HELD_TOLERANCE = 3e-4
 """Of the held stresses, relative: finer than any cell pressure is held, and coarser than the error
 of a model that controls its own, below which its stress is no smooth function of the strain."""
+
+PATIENCE = Patience(iterations=10, halvings=3, smallest_share=0.25, refusals=2)
+"""A search meets many parameters with which the model cannot follow a test; to be sure that it
+cannot would take longer than all that can."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +79,8 @@ def predict(space: ParameterSpace, vectors: Tensor, batch: TestBatch) -> Predict
         If the model cannot start so.
     """
     control, conditions = batch.repeated(len(vectors))
-    cell = NewtonCell(space.cell, space.per_point(vectors.detach(), batch.size))
-    done = run_test(cell, control, conditions, tolerance=HELD_TOLERANCE)
+    cell = CellOfEachPoint(space.cell, space.per_point(vectors.detach(), batch.size))
+    done = run_test(cell, control, conditions, tolerance=HELD_TOLERANCE, patience=PATIENCE)
     shape = (len(vectors), batch.size, control.steps, -1)
     return Prediction(
         torch.from_numpy(done.strain).reshape(shape), torch.from_numpy(done.stress).reshape(shape)

@@ -69,6 +69,11 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
     internal_variables: ClassVar[tuple[str, ...]] = ()
     substepping: Substepping | None = None
 
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        # Without a closed form it is automatic differentiation through every substep.
+        cls.cheap_tangent = cls.update_and_tangent is not ClassicalCell.update_and_tangent
+
     def __init__(
         self,
         values: Mapping[str, float] | None = None,
