@@ -11,11 +11,13 @@ from granbench.baselines.linear_elastic import LinearElasticCell
 from granbench.cell import Conditions
 from granbench.element_test import run_test
 from granbench.errors import ConfigurationError
+from granbench.models import find_model
 from granbench.models.drucker_prager import DruckerPrager
 from granbench.models.j2 import J2
 from granbench.paths import ConstantMeanStress, CyclicTriaxial, RandomStrain
 from granbench.paths.mixed_control import MixedControl, isotropic_stress
 from granbench.paths.standard_tests import STANDARD_TESTS, find_test, strain_history
+from granbench.stress_control import Patience
 from granbench.tensors import deviatoric_stress, volumetric_strain
 
 P0 = 1e5
@@ -291,6 +293,45 @@ def test_a_point_that_fails_is_named_and_takes_no_other_down(name, raises):
     alone = run_test(cell, controls[1], conditions())
     np.testing.assert_array_equal(test.stress[1], alone.stress[0])
     assert torch.isfinite(test.state).all()
+
+
+def test_a_point_without_stress_is_asked_no_longer_than_patience_lasts():
+    asked = []
+
+    class Asked(Timid):
+        def step(self, dstrain, state):
+            asked.append((dstrain != 0.0).any(dim=1))
+            return super().step(dstrain, state)
+
+    history = strain_history([0.02], 10)
+    programme = find_test("triaxial-drained").programme(P0, 0.1)
+    controls = [
+        MixedControl.of_programme(programme, share * history, "principal") for share in (1.0, 0.5)
+    ]
+    control, start = MixedControl.together(controls), conditions(pressures=(P0,) * 2)
+
+    def questions(patience):
+        asked.clear()
+        test = run_test(Asked(largest_strain=0.0151), control, start, patience=patience)
+        assert [(failure.point, failure.step) for failure in test.failures] == [(0, 8)]
+        assert np.isfinite(test.stress[1]).all()
+        lost, well = torch.stack(asked).sum(dim=0).tolist()
+        return lost, well, test
+
+    lost, well, impatient = questions(Patience(refusals=2))
+    same_lost, same_well, patient = questions(None)
+    # Both are asked alike as long as both can be followed.
+    assert well == same_well
+    assert lost <= well < same_lost
+    np.testing.assert_array_equal(impatient.stress, patient.stress)
+
+
+@pytest.mark.parametrize("name", ["csuh", "modified-cam-clay"])
+def test_held_stresses_of_a_substepped_model_are_met(name):
+    cell = find_model(name)(order="principal")
+    _, stress, test = driven(cell, "triaxial-drained", (0.1,), steps=20)
+    np.testing.assert_allclose(stress[:, 1:], P0, rtol=2 * MET * stress.max() / P0)
+    assert test.held_error.max() <= MET
 
 
 def test_a_stress_beyond_the_strength_is_said_to_be_missed():
