@@ -1,4 +1,4 @@
-"""Differences in place of a dear tangent: the same answers, nearly the same tangent, fewer calls."""
+"""Differences in place of a dear tangent: the same answers, nearly the same tangent, one call."""
 
 import pytest
 import torch
