@@ -26,6 +26,7 @@ GREATEST_FALL = 0.1
 """Of the damping, after a step that did what the linearisation promised."""
 LARGEST_DAMPING = 1e10
 SMALLEST_DAMPING = 1e-15
+TINY = torch.finfo(torch.float64).tiny
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ def adam(problem: Problem, vectors: Tensor, effort: Effort, on: OnIteration | No
         reached = loss[loss.isfinite()]
         if not reached.requires_grad:
             break
-        reached.clamp(min=torch.finfo(loss.dtype).tiny).log().sum().backward()
+        reached.clamp(min=TINY).log().sum().backward()
         with torch.no_grad():
             better = loss < lowest
             best = torch.where(better[:, None], vectors, best)
@@ -124,63 +125,98 @@ def levenberg_marquardt(
     Levenberg (1944), Quart. Appl. Math. 2(2): the damping. Nielsen (1999), IMM-REP-1999-05: how it
     follows the ratio of the decrease to what the linearisation promised.
     """
-    count, size = vectors.shape
-    vectors = vectors.clone()
-    noise = torch.zeros(count, 1).double() if offset is None else offset
-    at = problem.evaluated(vectors)
-    cost = ((at.residuals + noise) ** 2).sum(dim=1)
-    damping = torch.full((count,), FIRST_DAMPING, dtype=torch.float64)
-    growth = torch.full((count,), DAMPING_UP, dtype=torch.float64)
-    converged = torch.zeros(count, dtype=torch.bool)
-    iterations = torch.zeros(count, dtype=torch.int64)
-    calm = torch.zeros(count, dtype=torch.int64)
-    running = cost.isfinite()
-    stale = torch.ones(count, dtype=torch.bool)
-    normal = torch.zeros(count, size, size, dtype=torch.float64)
-    gradient = torch.zeros(count, size, dtype=torch.float64)
+    search = _Search(problem, vectors, offset, effort.tolerance)
     for iteration in range(effort.iterations):
-        if not running.any() or (stop is not None and stop()):
+        if not search.running.any() or (stop is not None and stop()):
             break
-        if (fresh := torch.nonzero(running & stale).flatten()).numel():
-            known = at.of(fresh)
-            jacobian = problem.jacobian(vectors[fresh], known)
-            residual = known.residuals + noise[fresh]
-            normal[fresh] = jacobian.mT @ jacobian
-            gradient[fresh] = torch.einsum("vrp,vr->vp", jacobian, residual)
-        going = torch.nonzero(running).flatten()
-        step = _damped_step(normal[going], gradient[going], damping[going], vectors[going])
-        trial = (vectors[going] + step).clamp(-FARTHEST, FARTHEST)
-        stretched = (step.abs() >= LONGEST_STEP).any(dim=1)
-        answer = problem.evaluated(trial)
-        trial_cost = ((answer.residuals + noise[going]) ** 2).sum(dim=1)
-        before = cost[going]
-        better = trial_cost < before
-        gain = (before - trial_cost) / before.clamp(min=torch.finfo(cost.dtype).tiny)
-        moved = (trial - vectors[going]).abs().amax(dim=1)
-        # A step that its length cut short says nothing of how far the minimum is.
-        quiet = better & (gain < effort.tolerance) & ~stretched
-        calm[going] = torch.where(quiet, calm[going] + 1, 0)
-        settled = (calm[going] >= CALM_STEPS) | (moved < SMALLEST_STEP)
-        vectors[going] = torch.where(better[:, None], trial, vectors[going])
-        gained = torch.nonzero(better).flatten()
-        at = at.replaced(going[gained], answer.of(gained))
-        cost[going] = torch.where(better, trial_cost, before)
-        stale[going] = better
-        promised = -(2.0 * gradient[going] * step).sum(dim=1)
-        promised = promised - torch.einsum("vp,vpq,vq->v", step, normal[going], step)
-        ratio = (before - trial_cost) / promised.clamp(min=torch.finfo(cost.dtype).tiny)
-        fall = (1.0 - (2.0 * ratio - 1.0) ** 3).clamp(GREATEST_FALL, DAMPING_UP)
-        factor = torch.where(better, fall, growth[going])
-        growth[going] = torch.where(better, DAMPING_UP, 2.0 * growth[going])
-        damping[going] = (damping[going] * factor).clamp(min=SMALLEST_DAMPING)
-        iterations[going] += 1
-        # Damped beyond measure without a gain: the point is a minimum to rounding, or a kink.
-        settled |= damping[going] > LARGEST_DAMPING
-        converged[going] = settled
-        running[going] = ~settled
+        search.iterate()
         if on is not None:
-            on("levenberg-marquardt", iteration + 1, float(cost.min()))
-    return Minimum(vectors, cost, converged, iterations)
+            on("levenberg-marquardt", iteration + 1, float(search.cost.min()))
+    return Minimum(search.vectors, search.cost, search.converged, search.iterations)
+
+
+class _Search:
+    """Starts under way: where each is, how its problem looks there, and how it is damped.
+
+    Attributes
+    ----------
+    vectors, cost, converged, iterations : see `Minimum`
+    running : (start,), those that go on
+    """
+
+    def __init__(
+        self, problem: Problem, vectors: Tensor, offset: Tensor | None, tolerance: float
+    ) -> None:
+        count, size = vectors.shape
+        self._problem, self._tolerance = problem, tolerance
+        self._offset = torch.zeros(count, 1).double() if offset is None else offset
+        self.vectors = vectors.clone()
+        self._at = problem.evaluated(vectors)
+        self.cost = ((self._at.residuals + self._offset) ** 2).sum(dim=1)
+        self.running = self.cost.isfinite()
+        self.converged = torch.zeros(count, dtype=torch.bool)
+        self.iterations = torch.zeros(count, dtype=torch.int64)
+        # Of the linearised problem: J^T J and J^T r, and where they are of an earlier vector.
+        self._normal = torch.zeros(count, size, size, dtype=torch.float64)
+        self._gradient = torch.zeros(count, size, dtype=torch.float64)
+        self._stale = torch.ones(count, dtype=torch.bool)
+        self._damping = torch.full((count,), FIRST_DAMPING, dtype=torch.float64)
+        self._growth = torch.full((count,), DAMPING_UP, dtype=torch.float64)
+        self._calm = torch.zeros(count, dtype=torch.int64)
+
+    def iterate(self) -> None:
+        """Try one step of every start that is running."""
+        self._linearise()
+        going = torch.nonzero(self.running).flatten()
+        normal, gradient = self._normal[going], self._gradient[going]
+        before, vectors = self.cost[going], self.vectors[going]
+        step = _damped_step(normal, gradient, self._damping[going], vectors)
+        trial = (vectors + step).clamp(-FARTHEST, FARTHEST)
+        answer = self._problem.evaluated(trial)
+        cost = ((answer.residuals + self._offset[going]) ** 2).sum(dim=1)
+        better = cost < before
+        promised = -2.0 * torch.einsum("vp,vp->v", gradient, step)
+        promised = promised - torch.einsum("vp,vpq,vq->v", step, normal, step)
+
+        self.vectors[going] = torch.where(better[:, None], trial, vectors)
+        self.cost[going] = torch.where(better, cost, before)
+        gained = torch.nonzero(better).flatten()
+        self._at = self._at.replaced(going[gained], answer.of(gained))
+        self._stale[going] = better
+        self.iterations[going] += 1
+        self._damp(going, better, (before - cost) / promised.clamp(min=TINY))
+        # A step that its length cut short says nothing of how far the minimum is.
+        stretched = (step.abs() >= LONGEST_STEP).any(dim=1)
+        quiet = better & ((before - cost) < self._tolerance * before) & ~stretched
+        self._settle(going, quiet, (trial - vectors).abs().amax(dim=1))
+
+    def _linearise(self) -> None:
+        """J^T J and J^T r of the running starts that have moved."""
+        moved = torch.nonzero(self.running & self._stale).flatten()
+        if not moved.numel():
+            return
+        known = self._at.of(moved)
+        jacobian = self._problem.jacobian(self.vectors[moved], known)
+        residual = known.residuals + self._offset[moved]
+        self._normal[moved] = jacobian.mT @ jacobian
+        self._gradient[moved] = torch.einsum("vrp,vr->vp", jacobian, residual)
+
+    def _damp(self, going: Tensor, better: Tensor, ratio: Tensor) -> None:
+        """Less after a success, in the measure of its ratio to what was promised; else more."""
+        fall = (1.0 - (2.0 * ratio - 1.0) ** 3).clamp(GREATEST_FALL, DAMPING_UP)
+        growth = self._growth[going]
+        damping = self._damping[going] * torch.where(better, fall, growth)
+        self._damping[going] = damping.clamp(min=SMALLEST_DAMPING)
+        self._growth[going] = torch.where(better, DAMPING_UP, 2.0 * growth)
+
+    def _settle(self, going: Tensor, quiet: Tensor, moved: Tensor) -> None:
+        """End the starts that have nothing left to gain."""
+        self._calm[going] = torch.where(quiet, self._calm[going] + 1, 0)
+        settled = (self._calm[going] >= CALM_STEPS) | (moved < SMALLEST_STEP)
+        # Damped beyond measure without a gain: the point is a minimum to rounding, or a kink.
+        settled |= self._damping[going] > LARGEST_DAMPING
+        self.converged[going] = settled
+        self.running[going] = ~settled
 
 
 def _damped_step(normal: Tensor, gradient: Tensor, damping: Tensor, vectors: Tensor) -> Tensor:
@@ -191,7 +227,7 @@ def _damped_step(normal: Tensor, gradient: Tensor, damping: Tensor, vectors: Ten
     neither shortens the steps of those that do nor makes the search look as if it had arrived. The
     unconstrained numbers are of one size, so one damping holds all of them.
     """
-    largest = normal.diagonal(dim1=1, dim2=2).amax(dim=1).clamp(min=torch.finfo(normal.dtype).tiny)
+    largest = normal.diagonal(dim1=1, dim2=2).amax(dim=1).clamp(min=TINY)
     identity = torch.eye(normal.shape[1], dtype=normal.dtype)
     damped = normal + (damping * largest)[:, None, None] * identity
     lower = (-FARTHEST - vectors).clamp(min=-LONGEST_STEP)
