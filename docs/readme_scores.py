@@ -1,10 +1,11 @@
-"""Write the table of scores into README.md, between its markers, from the accepted submissions.
+"""Write the tables of scores into README.md, between its markers, from the accepted submissions.
 
 ``python docs/readme_scores.py`` from the root of the checkout; `make docs` does it. A test checks
-that the table in README.md is the one that this makes.
+that the tables in README.md are those that this makes.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from page_parts import table, with_part
@@ -12,10 +13,15 @@ from page_parts import table, with_part
 from granbench.leaderboard.board import accepted, default_folder
 from granbench.leaderboard.reference import replicate_scatters
 from granbench.leaderboard.submission import Submission
-from granbench.leaderboard.tables import main_table
+from granbench.leaderboard.tables import RANKED_PROTOCOL, main_table, number
+from granbench.scoring import Score
+from granbench.scoring.scorecard import ALL
 
 README = Path(__file__).parents[1] / "README.md"
 TASK, SPLIT, METRIC = "dem-triaxial", "test", "stress_mse_mean"
+LEAST = 1e-300
+"""Stands for zero in a mean of logarithms."""
+RANDOM_PATH_TASKS = ("gp-j2", "gp-dp", "gp-j2-hardening", "gp-ime", "gp-csuh")
 
 
 def scores_table(submissions: Sequence[Submission], floor: float | None) -> str:
@@ -37,18 +43,58 @@ def scores_table(submissions: Sequence[Submission], floor: float | None) -> str:
     return table(("model", *board.columns), rows)
 
 
+def rollout_table(by_task: Mapping[str, Sequence[Submission]]) -> str:
+    """Markdown table of the whole-path rollout: models against tasks, in the order of their mean.
+
+    Parameters
+    ----------
+    by_task : submissions of each task; a model that a task has none of gets a dash
+    """
+    known: dict[str, dict[str, Score]] = {}
+    for task, submissions in by_task.items():
+        for submission in submissions:
+            for score in submission.scores:
+                where = (score.protocol, score.split, score.group, score.metric)
+                if where == (RANKED_PROTOCOL, SPLIT, ALL, METRIC):
+                    known.setdefault(submission.name, {})[task] = score
+
+    def rank(name: str) -> tuple[int, float, str]:
+        """Models with scores on more tasks first, then by the geometric mean of their errors."""
+        values = [score.value for score in known[name].values() if score.value is not None]
+        mean = sum(math.log(max(value, LEAST)) for value in values) / max(len(values), 1)
+        return -len(values), mean, name
+
+    rows = [
+        (name, *(_shown(known[name].get(task)) for task in by_task))
+        for name in sorted(known, key=rank)
+    ]
+    return table(("model", *by_task), rows)
+
+
+def _shown(score: Score | None) -> str:
+    if score is None or score.value is None:
+        return "–"
+    return str(number(score.value))
+
+
 def readme() -> str:
-    """README.md as it should read: the scores on the newest version of the dataset."""
+    """README.md as it should read: the scores on the newest version of each dataset."""
     page = README.read_text(encoding="utf-8")
-    rows = [row.submission for row in accepted(default_folder()) if row.submission.task == TASK]
-    if not rows:
-        return page
-    newest = max((row.dataset.version for row in rows), key=lambda v: tuple(map(int, v.split("."))))
-    submissions = [row for row in rows if row.dataset.version == newest]
-    scatters = replicate_scatters(row.dataset for row in submissions)
-    scatter = scatters.get((TASK, newest))
-    floor = scatter.floor_mse if scatter else None
-    return with_part(page, "scores", scores_table(submissions, floor))
+    if rows := newest(TASK):
+        scatters = replicate_scatters(row.dataset for row in rows)
+        scatter = scatters.get((TASK, rows[0].dataset.version))
+        floor = scatter.floor_mse if scatter else None
+        page = with_part(page, "scores", scores_table(rows, floor))
+    by_task = {task: newest(task) for task in RANDOM_PATH_TASKS}
+    return with_part(page, "random-path-scores", rollout_table(by_task))
+
+
+def newest(task: str) -> list[Submission]:
+    """The accepted submissions on the newest version of a task's dataset."""
+    found = [row.submission for row in accepted(default_folder()) if row.submission.task == task]
+    versions = {row.dataset.version for row in found}
+    last = max(versions, key=lambda v: tuple(map(int, v.split("."))), default="")
+    return [row for row in found if row.dataset.version == last]
 
 
 if __name__ == "__main__":
