@@ -114,8 +114,8 @@ class CSUH(ClassicalCell):
             "low_pressure_intercept": low_pressure_intercept(1.973, 0.934, 0.135),
             "critical_spacing": 0.4,
             "dilatancy": 1.8,
-            # The source gives e0 instead; this is e0 = 0.833 at p0 = 100 kPa.
-            "overconsolidation_ratio": 40.62,
+            # The source gives e0 instead; this is e0 = 0.833 at an isotropic 100 kPa.
+            "overconsolidation_ratio": 40.52,
         },
         "guan2023-tab5.1": {
             "critical_ratio": _FRICTION_8_DEGREES,  # Eq 7.36

@@ -50,6 +50,11 @@ STEEPEST = 3.0
 LEAST_SLOPE = 1e-9
 """Of C_p; below, the surface is a cylinder, and nothing reaches its apex."""
 
+KINK_ROUNDINGS = 4.0
+"""A compaction of so many unit roundings is what the sum of three plastic strains leaves of none.
+Where C_d = -C_p, eps_v^p stays at zero, where Eq 7.18 has a kink: the derivatives there are those
+of dilation, not of whichever side the last bit fell on."""
+
 TINY = 1e-30
 """Pa; it gives a cylinder, C_p = 0, no flow along the axis instead of 0/0."""
 
@@ -205,14 +210,13 @@ class EnhancedIME(ClassicalCell):
         """H + sigma_0 and its derivatives by eps_s^p and eps_v^p, Pa (Eq 7.18)."""
         sheared = c.shear_hardening_strain + shear
         by_shear = c.shear_hardening_modulus * torch.pow(sheared, c.shear_hardening_exponent)
-        compacted = c.volumetric_hardening_strain + compaction.clamp(min=0.0)
+        compacts = compaction > KINK_ROUNDINGS * torch.finfo(compaction.dtype).eps
+        compacted = c.volumetric_hardening_strain + torch.where(compacts, compaction, 0.0)
         by_volume = c.volumetric_hardening_modulus * torch.pow(
             compacted, c.volumetric_hardening_exponent
         )
         return (
             c.yield_stress + by_shear + by_volume,
             c.shear_hardening_exponent * by_shear / sheared,
-            torch.where(
-                compaction > 0.0, c.volumetric_hardening_exponent * by_volume / compacted, 0.0
-            ),
+            torch.where(compacts, c.volumetric_hardening_exponent * by_volume / compacted, 0.0),
         )

@@ -109,6 +109,43 @@ def test_compaction_hardens_and_dilation_does_not_soften():
     assert (by_volume >= 0.0).all()
 
 
+@pytest.mark.parametrize("order", ["principal", "plane", "full"])
+def test_where_nothing_compacts_gradients_are_those_of_dilation(order):
+    """C_d = -C_p of the default set keeps eps_v^p at zero, the kink of <eps_v^p> in Eq 7.18.
+
+    On either side of it the derivatives with respect to the state differ; rounding must not choose.
+    """
+    cell, points = EnhancedIME(order=order), 12
+    count = cell.rows.count
+    increments = random_increments(cell, points, 8, 5e-3)
+    state = run(cell, increments, isotropic(cell, points))[-1]
+    beyond_yield = random_increments(cell, points, 1, 5e-2, seed=1)[0]
+    volumetric = cell.rows.trace(plastic_rows(cell, state))
+    # Three plastic strains of some 1e-2 were added, each rounded to 2e-18.
+    assert float(volumetric.abs().max()) < 1e-17
+    assert (volumetric > 0.0).any()
+
+    def strength(plastic: torch.Tensor) -> torch.Tensor:
+        changed = torch.cat([state[:, :count], plastic], dim=1)
+        p, q = invariants(cell, cell.step(beyond_yield, changed)[1])
+        return q - 0.1 * p  # C_p: H + sigma_0 where it yields
+
+    plastic = state[:, count:].clone().requires_grad_()
+    (gradient,) = torch.autograd.grad(strength(plastic).sum(), plastic)
+    step = 1e-7
+    with torch.no_grad():
+        for component in range(2):
+            shift = torch.zeros_like(plastic)
+            shift[:, component] = step
+            compacting, dilating = (
+                sign * (strength(plastic + sign * shift) - strength(plastic)) / step
+                for sign in (1.0, -1.0)
+            )
+            # H grows by some 1e7 Pa a strain; one-sided differences are off by step/eps_0 of it.
+            torch.testing.assert_close(gradient[:, component], dilating, rtol=0.0, atol=1e3)
+            assert ((compacting - dilating) > 1e5).any()
+
+
 def test_a_changing_stiffness_is_followed_to_second_order():
     # A straight path beyond yield, on which only the stiffness changes: half the step, a quarter
     # of the error.
