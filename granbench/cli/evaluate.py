@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from granbench.cli.targets import refuse_overwriting
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -96,7 +97,9 @@ def evaluate(
 
     numbers = _numbers(seeds)
     axes = chosen_axes(axis or AXES)
-    check_target(out)
+    for target in (out, check_target(out)):
+        refuse_overwriting(target, "MODEL", Path(model))
+        refuse_overwriting(target, "--task", Path(task))
     _require_one_of("--keep", keep, KEPT)
     _require_one_of("--role", role or ROLES[0], ROLES)
     others = [read_submission(path) for path in against or ()]

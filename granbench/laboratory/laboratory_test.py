@@ -50,7 +50,8 @@ class LaboratoryTest:
         """Raise DatasetError where the parts do not fit each other."""
         if self.kind not in KINDS:
             raise DatasetError(
-                f"{self.source}: the kind of test {self.kind!r} is unknown; use {', '.join(KINDS)}"
+                f"{self.source}: the kind of test {self.kind!r} is unknown; use --kind with one of "
+                f"{', '.join(KINDS)}"
             )
         steps = len(self.strain)
         if steps < FEWEST_POINTS:
@@ -69,7 +70,8 @@ class LaboratoryTest:
         if not self.lateral_strain_known and self.kind not in HELD_LATERAL_STRESS:
             raise DatasetError(
                 f"{self.source}: a test of the kind {self.kind} needs the lateral or the "
-                "volumetric strain; add its column"
+                "volumetric strain; name its column with --column volumetric_strain=HEADER or, if "
+                "the lateral stress was held, say so with --kind triaxial-drained"
             )
         if not (np.isfinite(self.strain[:, 0]).all() and np.isfinite(self.stress).all()):
             raise DatasetError(f"{self.source}: has stresses or strains that are NaN; mend them")
