@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from granbench.cli.targets import refuse_overwriting
+from granbench.cli.options import refuse_overwriting
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:

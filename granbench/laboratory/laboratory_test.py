@@ -24,6 +24,11 @@ NO_STRAIN = 0.01
 """Share of the axial strain below which another strain was prevented."""
 
 
+NO_SHEAR = 0.01
+"""Share of the largest mean stress below which q is noise: the friction of soils lets q reach some
+tenths of p, and load cells are read to a few thousandths."""
+
+
 @dataclass(frozen=True)
 class LaboratoryTest:
     """One test; compression positive, SI units, logarithmic strain.
@@ -105,6 +110,11 @@ class LaboratoryTest:
     def deviatoric_stress(self) -> NDArray[np.float64]:
         """q, (step,), Pa."""
         return deviatoric_stress(self.stress)
+
+    @property
+    def is_sheared(self) -> bool:
+        """Whether the test bears a deviatoric stress; isotropic compression does not."""
+        return bool(self.deviatoric_stress.max() > NO_SHEAR * np.abs(self.mean_stress).max())
 
     @property
     def initial_mean_stress(self) -> float:

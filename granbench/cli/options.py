@@ -1,5 +1,6 @@
-"""Files that a command is about to write."""
+"""What the options of several commands have to obey."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from granbench.errors import ConfigurationError
@@ -23,3 +24,15 @@ def refuse_overwriting(out: Path, option: str, source: Path | None) -> None:
         raise ConfigurationError(
             f"--out {out} is what {option} reads and would be overwritten; write to another file"
         )
+
+
+def require_one_of(option: str, given: str, allowed: Sequence[str]) -> None:
+    """Refuse a word that an option does not know.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the option and the words that it knows.
+    """
+    if given not in allowed:
+        raise ConfigurationError(f"{option} {given!r} must be one of {', '.join(allowed)}")
