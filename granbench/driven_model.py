@@ -17,6 +17,7 @@ from granbench.errors import ConfigurationError, ModelError
 from granbench.models import MODELS, ClassicalCell, find_model
 from granbench.models.parameter_file import cell_from_file, read_parameters
 from granbench.paths.mixed_control import isotropic_stress
+from granbench.plausible import LARGEST_STRESS, VOID_RATIOS
 from granbench.records import open_records
 
 DEFAULT_PRESSURE = 1e5
@@ -142,6 +143,11 @@ class Start:
                 f"--p0 {pressure:g} is no pressure to start from; give it in Pa, compression "
                 "positive"
             )
+        if pressure > LARGEST_STRESS:
+            raise ConfigurationError(
+                f"--p0 {pressure:g} is beyond {LARGEST_STRESS / 1e9:g} GPa, which no soil is "
+                "under; give it in Pa (1e5 is 100 kPa)"
+            )
         if pressure == 0.0 and undefined_at_zero:
             raise ConfigurationError(
                 f"--p0 0: {undefined_at_zero} does not start without compression; give p0 above "
@@ -160,8 +166,7 @@ class Start:
             If the model needs what is not given, or cannot start so.
         """
         for name, value in self.scalars.items():
-            if not math.isfinite(value):
-                raise ConfigurationError(f"{_option(name)} {value:g} is not a finite number")
+            _check_scalar(name, value)
         known = dict(recorded.scalars) if recorded else {}
         if recorded is None or self.pressure is not None:
             dependent = getattr(cell, "pressure_dependent", False)
@@ -177,18 +182,47 @@ class Start:
         for name, value in self.scalars.items():
             known[name] = torch.full((len(stress),), value, dtype=torch.float64)
         given = _Given(stress, _Watched(known))
-        with torch.no_grad():
-            state = cell.initial_state(given)
+        try:
+            with torch.no_grad():
+                state = cell.initial_state(given)
+        except ModelError as error:
+            raise ModelError(f"{self._shown()}{error}") from error
         for name in self.scalars:
             if name not in given.scalars.read:
                 raise ConfigurationError(
-                    f"{_option(name)} is given, but {cell.name} makes no use of it; leave it out"
+                    f"{_option(name).rstrip()} is given, but {cell.name} makes no use of it; leave "
+                    "it out"
                 )
         return state
 
+    def _shown(self) -> str:
+        """The options that set the start, to lead a model's objection; empty if none does."""
+        options = [f"--p0 {self.pressure:g}"] if self.pressure is not None else []
+        options += [f"{_option(name)}{value:g}" for name, value in self.scalars.items()]
+        return f"{', '.join(options)}: " if options else ""
+
+
+def _check_scalar(name: str, value: float) -> None:
+    """Refuse what no model can start from, whatever it makes of the scalar."""
+    shown = f"{_option(name)}{value:g}"
+    if not math.isfinite(value):
+        raise ConfigurationError(f"{shown} is not a finite number")
+    least, greatest = VOID_RATIOS
+    if name == "initial_void_ratio" and not least <= value <= greatest:
+        raise ConfigurationError(
+            f"{shown} is no void ratio of a soil; give the volume of the voids over that of the "
+            f"grains, from {least:g} to {greatest:g} (0.8, not 80 %)"
+        )
+    if name == "overconsolidation_ratio" and value < 1.0:
+        raise ConfigurationError(
+            f"{shown} is below 1: no soil is under more than it has ever been under; give 1 for a "
+            "normally consolidated soil, or more"
+        )
+
 
 def _option(name: str) -> str:
-    return OPTIONS.get(name, f"--start {name}=")
+    """An option, up to where its value begins."""
+    return f"{OPTIONS[name]} " if name in OPTIONS else f"--start {name}="
 
 
 class _Watched(Mapping[str, Tensor]):
@@ -222,6 +256,7 @@ class _Given(Conditions):
         """See `Conditions.require`."""
         if name not in self.scalars:
             raise ModelError(
-                f"the model needs {name!r} at the start of a path; give it with {_option(name)}"
+                f"the model needs {name!r} at the start of a path; give it with "
+                f"{_option(name)}{'X' if name in OPTIONS else 'VALUE'}"
             )
         return self.scalars[name]

@@ -17,6 +17,7 @@ from granbench.errors import ConfigurationError
 from granbench.paths.mixed_control import DIRECTIONS, MixedControl
 from granbench.paths.programme import Floats, LoadingProgramme
 from granbench.paths.strain_files import STRAIN, STRESS, PathTable, answer_records
+from granbench.plausible import LARGEST_STRAIN
 from granbench.tensors import COMPONENT_ORDERS, component_order, normal_mask
 
 CARRIED = ("path_id", "specimen", "split", "loading_family", "seed")
@@ -51,18 +52,25 @@ class Course:
         Raises
         ------
         ConfigurationError
-            If records and cell have different components.
+            If records and cell have different components, or a strain is as large as only a
+            wrong unit makes it.
         """
         order = component_order(tuple(str(label) for label in records["component"].values))
         _same_order(source, order, cell)
         strain = records["strain"].values.astype(np.float64)
         names = records["path_id"].values.astype(str)
-        return cls(
-            MixedControl.of_strain(order, strain),
-            family="recorded",
-            place=lambda point, step: f"{source}: path {names[point]!r}, step {step}",
-            records=records,
-        )
+
+        def place(point: int, step: int) -> str:
+            return f"{source}: path {names[point]!r}, step {step}"
+
+        if (beyond := np.abs(strain) > LARGEST_STRAIN).any():
+            point, step, at = (int(index[0]) for index in beyond.nonzero())
+            raise ConfigurationError(
+                f"{place(point, step)}: strain {COMPONENT_ORDERS[order][at]} is "
+                f"{strain[point, step, at]:g}, beyond {100.0 * LARGEST_STRAIN:g} %; strain has no "
+                "unit: divide it by 100 if it is in %"
+            )
+        return cls(MixedControl.of_strain(order, strain), "recorded", place, records=records)
 
     @classmethod
     def of_table(cls, table: PathTable, start: Floats, cell: MaterialCell) -> Course:
@@ -235,11 +243,14 @@ def drive(
     Raises
     ------
     ConfigurationError
-        Naming the row, or path and step, where the model cannot follow.
+        Naming the row, or path and step, where the model cannot follow, or where a soil would
+        have no voids left.
     """
     test = run_test(cell, course.control, state, tolerance=tolerance, on_step=on_step)
     if test.failures:
         raise ConfigurationError(_failed(test.failures, test, course, cell.name))
+    if getattr(cell, "pressure_dependent", False) and "void_ratio" in test.internals:
+        _refuse_lost_voids(test.internals["void_ratio"], course, cell.name)
     records = answer_records(
         cell.order,
         test.strain,
@@ -253,6 +264,18 @@ def drive(
         kept = {name: course.records[name].variable for name in CARRIED}
         records = records.assign_coords(kept)
     return Answer(cell.order, test, records, course.added)
+
+
+def _refuse_lost_voids(void_ratio: Floats, course: Course, model: str) -> None:
+    """Refuse a path (point, step) on which the grains would have to be compressed themselves."""
+    if (lost := void_ratio < 0.0).any():
+        step = int(lost.any(axis=0).argmax())
+        point = int(lost[:, step].argmax())
+        raise ConfigurationError(
+            f"{course.place(point, step)}: the path leaves {model} a void ratio of "
+            f"{void_ratio[point, step]:.3g}, which no soil has: it is compressed by more than its "
+            "voids; end the path before, or start looser"
+        )
 
 
 def _failed(failures: tuple[Failure, ...], test: ElementTest, course: Course, model: str) -> str:

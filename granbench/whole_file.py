@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Files, and folders of them, that appear whole or not at all."""
 
 import contextlib
 import errno
@@ -43,6 +43,54 @@ def whole_file(
     finally:
         with contextlib.suppress(OSError):
             partial.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def whole_folder(path: Path, error: type[GranbenchError]) -> Iterator[Path]:
+    """Give a temporary folder; what is written into it is in `path` when the block ends well.
+
+    Where `path` is there before, its other files stay, and those of the same names are replaced
+    in the order in which they were written.
+
+    Parameters
+    ----------
+    path : final name; folders above it are made when they are absent
+    error : what a folder that cannot be written is raised as, before the block begins
+
+    Raises
+    ------
+    GranbenchError
+        The given one, naming the folder and the remedy; nothing is left behind then.
+    """
+    old = path.is_dir()
+    made = [folder for folder in path.parents if not folder.exists()]
+    name = f".{path.name or 'folder'}.{uuid.uuid4().hex[:8]}.part"
+    # Within an old folder, which may be a mount of its own, beside a new one.
+    partial = path / name if old else path.with_name(name)
+    try:
+        with _said_as(error, path):
+            partial.mkdir(parents=True)
+        yield partial
+        with _said_as(error, path):
+            if not old:
+                partial.rename(path)
+                return
+            for file in sorted(partial.iterdir(), key=lambda file: file.stat().st_mtime_ns):
+                os.replace(file, path / file.name)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+        for folder in made:
+            with contextlib.suppress(OSError):
+                folder.rmdir()  # fails where the block has ended well, and the folder holds `path`
+
+
+@contextlib.contextmanager
+def _said_as(error: type[GranbenchError], path: Path) -> Iterator[None]:
+    """Raise what the system cannot do as the given error, naming the path."""
+    try:
+        yield
+    except OSError as problem:
+        raise error(cannot_write(path, problem)) from problem
 
 
 def cannot_write(path: Path, problem: Exception, size: int = 0) -> str:

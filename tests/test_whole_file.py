@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from granbench.errors import DatasetError
-from granbench.whole_file import cannot_write, whole_file
+from granbench.whole_file import cannot_write, whole_file, whole_folder
 
 
 def test_a_file_gets_its_name_only_when_it_is_complete(tmp_path):
@@ -75,3 +75,31 @@ def test_a_file_in_the_place_of_the_folder_is_one_clear_sentence(tmp_path):
         whole_file(tmp_path / "taken" / "file.txt", DatasetError) as partial,
     ):
         partial.write_text("never")
+
+
+def test_a_folder_gets_its_name_only_when_it_is_complete(tmp_path):
+    path = tmp_path / "new" / "folder"
+    with whole_folder(path, DatasetError) as partial:
+        (partial / "a.txt").write_text("a")
+        assert not path.exists()
+    assert [file.name for file in path.parent.iterdir()] == ["folder"]
+    with whole_folder(path, DatasetError) as partial:
+        (partial / "b.txt").write_text("b")
+    assert sorted(file.name for file in path.iterdir()) == ["a.txt", "b.txt"]
+
+
+def test_a_failure_leaves_the_old_folder_or_none(tmp_path):
+    for path, left in ((tmp_path / "new" / "folder", []), (tmp_path, ["old.txt"])):
+        with pytest.raises(KeyboardInterrupt), whole_folder(path, DatasetError) as partial:
+            (partial / "half.txt").write_text("half")
+            raise KeyboardInterrupt
+        assert [file.name for file in tmp_path.iterdir()] == left
+        (tmp_path / "old.txt").write_text("old")
+
+
+def test_a_folder_that_nobody_can_write_is_said_before_the_work_begins():
+    with (
+        pytest.raises(DatasetError, match=r"^/proc/folder: cannot be written .* choose a folder"),
+        whole_folder(Path("/proc/folder"), DatasetError),
+    ):
+        pytest.fail("the block began")

@@ -257,15 +257,16 @@ def _weighted(
     for name, value in weights.items():
         if name not in known:
             raise ConfigurationError(
-                f"there is no quantity {name!r} to weigh; these tests compare {', '.join(known)}"
+                f"--weight {name}: there is no quantity {name!r} to weigh; these tests compare "
+                f"{', '.join(dict.fromkeys(known))}"
             )
         if not 0.0 <= value < float("inf"):
-            raise ConfigurationError(f"the weight {value:g} of {name} must not be negative")
+            raise ConfigurationError(f"--weight {name}={value:g} must be a number, not negative")
     factors = torch.tensor([weights.get(name, 1.0) for name in batch.quantities]).double()
     weight = batch.weight * factors
     if not (weight > 0.0).flatten(1).any(dim=1).all():
         raise ConfigurationError(
-            "the weights leave nothing of a test to compare; give one of its quantities a weight "
+            "the weights leave nothing of a test to compare; give one of its quantities a --weight "
             "above 0"
         )
     return TestBatch(**(vars(batch) | {"weight": weight}))

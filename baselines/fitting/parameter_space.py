@@ -44,11 +44,12 @@ class ParameterSpace:
         for name in free or ():
             if name not in table:
                 raise ConfigurationError(
-                    f"{cell.name} has no parameter {name!r} to fit; there are {', '.join(table)}"
+                    f"--free {name}: {cell.name} has no parameter {name!r} to fit; there are "
+                    f"{', '.join(table)}"
                 )
         names = tuple(name for name in table if free is None or name in free)
         if not names:
-            raise ConfigurationError(f"no parameter of {cell.name} is free; name one to fit")
+            raise ConfigurationError(f"no parameter of {cell.name} is free; name one with --free")
         return cls(cell, names)
 
     @property

@@ -12,6 +12,8 @@ from granbench import __version__
 from granbench.baselines.fitting.fitting import Fit, FitSettings
 from granbench.errors import ConfigurationError
 from granbench.laboratory import LaboratoryTest
+from granbench.laboratory.laboratory_test import NO_SHEAR
+from granbench.models import ClassicalCell
 from granbench.whole_file import whole_file
 
 REPORT, CURVES, PICTURE = "fit.json", "curves.csv", "fit.png"
@@ -105,8 +107,25 @@ def report_of(
             }
             for test in (*tests, *left_out)
         ],
-        "warnings": list(fit.warnings),
+        "warnings": [*_gaps(fit.cell, tests), *fit.warnings],
     }
+
+
+def _gaps(cell: ClassicalCell, tests: Sequence[LaboratoryTest]) -> list[str]:
+    """What the fitted tests leave open for the model, one sentence each."""
+    found = []
+    if unsheared := [test.name for test in tests if not test.is_sheared]:
+        found.append(
+            f"no shear in {', '.join(unsheared)}: q stays below {100.0 * NO_SHEAR:g} % of p, so "
+            "that nothing is learnt there of strength and shear stiffness"
+        )
+    without = [test.name for test in tests if test.void_ratio is None]
+    if "void_ratio" in cell.internal_variables and 0 < len(without) < len(tests):
+        found.append(
+            f"no void ratio in {', '.join(without)}: tests that run together start without any "
+            "where one lacks it; add the column, or give --e0"
+        )
+    return found
 
 
 def _fitted(fit: Fit) -> int:

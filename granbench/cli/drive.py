@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from granbench.cli.options import refuse_overwriting
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -96,7 +97,10 @@ def drive(
     from granbench.plotting.element_test import element_test_figure
     from granbench.plotting.style import save_figure
 
-    _check_targets(out, plot, path)
+    _check_targets(out, plot)
+    for option, file in (("MODEL", Path(model)), ("--path", path), ("--params", params),
+                         ("--task", Path(task))):  # fmt: skip
+        refuse_overwriting(out, option, file)
     asked = _Asked(path, control, strain, turning_points, steps, b, order)
     choice = ModelChoice(model, parameter_set, params, task)
     cell, course, state = asked.prepared(choice, Start(p0, _scalars(e0, ocr, start)))
@@ -189,8 +193,10 @@ class _Asked:
             )
         test = find_test(self.control)
         if table is None:
-            corners = [*_numbers("--turning-points", self.turning_points)]
+            corners = _numbers("--turning-points", self.turning_points)
             end = DEFAULT_STRAIN if self.strain is None else self.strain
+            for option, driven in (("--strain", [end]), ("--turning-points", corners)):
+                _check_driving(option, driven)
             steps = DEFAULT_STEPS if self.steps is None else self.steps
             history = strain_history([*corners, end], steps)
         else:
@@ -227,16 +233,14 @@ class _Asked:
                 raise ConfigurationError(f"{option} is given, but {why}; leave one of them out")
 
 
-def _check_targets(out: Path, plot: Path | None, path: Path | None) -> None:
-    """Refuse files that cannot be written before anything is computed."""
+def _check_targets(out: Path, plot: Path | None) -> None:
+    """Refuse files of a kind that is not written before anything is computed."""
     from granbench.plotting.style import figure_format
 
     if out.suffix not in (".csv", ".nc"):
         raise ConfigurationError(f"--out {out}: end its name in .csv or .nc")
     if plot is not None:
         figure_format(plot)
-    if path is not None and out.exists() and path.exists() and out.samefile(path):
-        raise ConfigurationError(f"--out {out} is the path itself; write to another file")
 
 
 def _scalars(e0: float | None, ocr: float | None, start: Sequence[str] | None) -> dict[str, float]:
@@ -260,6 +264,17 @@ def _numbers(option: str, text: str | None) -> list[float]:
         return [float(part) for part in text.split(",")] if text is not None else []
     except ValueError as error:
         raise ConfigurationError(f"{option} {text!r} is not a number or a list of them") from error
+
+
+def _check_driving(option: str, strains: Sequence[float]) -> None:
+    from granbench.plausible import LARGEST_STRAIN
+
+    for strain in strains:
+        if abs(strain) > LARGEST_STRAIN:
+            raise ConfigurationError(
+                f"{option} {strain:g} is beyond {LARGEST_STRAIN:g}; strain has no unit: write 0.2 "
+                "for 20 %"
+            )
 
 
 def _parameters(cell: "MaterialCell") -> dict[str, float] | None:

@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from granbench.cli.options import refuse_overwriting, require_one_of
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -96,9 +97,11 @@ def evaluate(
 
     numbers = _numbers(seeds)
     axes = chosen_axes(axis or AXES)
-    check_target(out)
-    _require_one_of("--keep", keep, KEPT)
-    _require_one_of("--role", role or ROLES[0], ROLES)
+    for target in (out, check_target(out)):
+        refuse_overwriting(target, "MODEL", Path(model))
+        refuse_overwriting(target, "--task", Path(task))
+    require_one_of("--keep", keep, KEPT)
+    require_one_of("--role", role or ROLES[0], ROLES)
     others = [read_submission(path) for path in against or ()]
     with open_records(task_file(task)) as records:
         candidate = find_candidate(model, records, folders=model_dir or (), seeds=numbers)
@@ -130,11 +133,6 @@ def evaluate(
         for table in tables(submission, others):
             console.print(table)
         typer.echo(_written(submission, out))
-
-
-def _require_one_of(option: str, given: str, allowed: Sequence[str]) -> None:
-    if given not in allowed:
-        raise ConfigurationError(f"{option} {given!r} must be one of {', '.join(allowed)}")
 
 
 def _written(submission: "Submission", out: Path) -> str:

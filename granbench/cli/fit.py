@@ -12,7 +12,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from granbench.cli.options import refuse_overwriting, require_one_of
+from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError
+from granbench.whole_file import whole_folder
 
 if TYPE_CHECKING:
     from granbench.baselines.fitting import Fit
@@ -59,21 +62,25 @@ def fit(
             "is held. auto: mixed where the lateral strain was free.",
         ),
     ] = "auto",
-    points: Annotated[int, typer.Option("--points", help="To which each test is thinned.")] = 60,
+    points: Annotated[
+        int, typer.Option("--points", min=5, help="To which each test is thinned.")
+    ] = 60,
     weight: Annotated[
         list[str] | None,
         typer.Option("--weight", metavar="NAME=X", help="Of a quantity; 1 by default."),
     ] = None,
-    starts: Annotated[int, typer.Option("--starts", help="First values to search from.")] = 8,
+    starts: Annotated[
+        int, typer.Option("--starts", min=1, help="First values to search from.")
+    ] = 8,
     spread: Annotated[
-        float, typer.Option("--spread", help="Of the starts; 1 is a factor of 2.7.")
+        float, typer.Option("--spread", min=0.0, help="Of the starts; 1 is a factor of 2.7.")
     ] = 0.5,
-    seed: Annotated[int, typer.Option("--seed", help="Of starts and bootstrap.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of starts and bootstrap.")] = 0,
     iterations: Annotated[
         int, typer.Option("--iterations", min=1, help="Of Levenberg-Marquardt, at most.")
     ] = 60,
     bootstrap: Annotated[
-        int, typer.Option("--bootstrap", help="Samples; 0 for intervals from the curvature.")
+        int, typer.Option("--bootstrap", min=0, help="Samples; 0 for intervals from the curvature.")
     ] = 0,
     column: Annotated[
         list[str] | None,
@@ -106,22 +113,28 @@ def fit(
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
 ) -> None:
-    """Fit a model's parameters to laboratory tests.
+    """Fit a model's parameters to laboratory tests; a fit that was interrupted begins anew.
 
     The folder then holds parameters.json (for `drive`, `evaluate` and `fem`), fit.json, curves.csv,
-    fit.png and, where every test is complete, tests.nc: records to score any model on.
+    fit.png and, where every test is complete, tests.nc: records to score any model on. They come
+    together at the end: a fit that is interrupted leaves the folder as it was.
     """
     if out.exists() and not out.is_dir():
         raise ConfigurationError(f"--out {out} is a file; give a folder")
 
     from granbench.baselines.fitting import Effort, FitSettings
     from granbench.baselines.fitting import fit as fitted
+    from granbench.baselines.fitting.observations import CONTROLS
     from granbench.baselines.fitting.report import report_of
     from granbench.driven_model import ModelChoice
     from granbench.laboratory import ImportSettings
     from granbench.models import find_model
 
     find_model(model)
+    require_one_of("--control", control, CONTROLS)
+    for text in (*data, *(leave_out or ())):
+        file = Path(text.partition("::")[0])
+        refuse_overwriting(out / RECORDS, f"--data {file}", file)
     reading = ImportSettings(
         columns=_pairs("--column", column),
         units=_pairs("--unit", unit),
@@ -147,11 +160,16 @@ def fit(
     )
     tests, left_out = _tests(data, leave_out or (), reading)
     cell: Any = ModelChoice(model, parameter_set, params).cell("principal")
+    if settings.free is None:
+        _require_shear(tests, [parameter.name for parameter in cell.parameter_table])
     total = settings.effort.adam_iterations + settings.effort.iterations
-    with _bar(total, model, quiet or as_json) as advance:
-        found = fitted(cell, tests, settings, left_out=left_out, on=advance)
-    report = report_of(found, settings, tests, left_out)
-    _write(found, report, tests, left_out, out)
+    with stopped_by_sigterm("to begin anew"), whole_folder(out, ConfigurationError) as folder:
+        with _bar(total, model, quiet or as_json) as advance:
+            found = fitted(cell, tests, settings, left_out=left_out, on=advance)
+        report = report_of(found, settings, tests, left_out)
+        _write(found, report, tests, left_out, folder)
+        if not (folder / RECORDS).exists():
+            (out / RECORDS).unlink(missing_ok=True)  # of an earlier fit, to other tests
     if as_json:
         typer.echo(json.dumps(report | {"folder": str(out)}, indent=2, ensure_ascii=False))
     elif not quiet:
@@ -190,6 +208,11 @@ def _tests(
     left_out: list[LaboratoryTest] = []
     for text in leave_out:
         named = [test for test in tests if test.name == text]
+        if not named and not Path(text.partition("::")[0]).exists():
+            raise ConfigurationError(
+                f"--leave-out {text!r} is neither a file nor a test of --data, which are "
+                f"{', '.join(test.name for test in tests[:8]) or 'none'}"
+            )
         left_out += named or read_selected(text, reading)
         tests = [test for test in tests if test not in named]
     names = [test.name for test in (*tests, *left_out)]
@@ -198,6 +221,19 @@ def _tests(
             f"two tests are called {repeated[0]!r}; rename a file, or give each test once"
         )
     return tests, left_out
+
+
+def _require_shear(tests: Sequence["LaboratoryTest"], parameters: Sequence[str]) -> None:
+    """Refuse to fit everything to isotropic compression, which knows nothing of strength."""
+    from granbench.laboratory.laboratory_test import NO_SHEAR
+
+    if tests and not any(test.is_sheared for test in tests):
+        raise ConfigurationError(
+            f"{tests[0].source}: {'the test has' if len(tests) == 1 else 'the tests have'} no "
+            f"shear, q stays below {100.0 * NO_SHEAR:g} % of p, so that strength and shear "
+            "stiffness cannot be found; add a test with shear, or name what compression alone "
+            f"tells with --free, of {', '.join(parameters)}"
+        )
 
 
 def _write(

@@ -16,8 +16,12 @@ class _Terminated(KeyboardInterrupt):
 
 
 @contextmanager
-def stopped_by_sigterm() -> Iterator[None]:
+def stopped_by_sigterm(again: str = "to continue") -> Iterator[None]:
     """Let SIGTERM unwind the block as Ctrl-C would, and say how to continue.
+
+    Parameters
+    ----------
+    again : what running the same command again does
 
     Raises
     ------
@@ -28,7 +32,7 @@ def stopped_by_sigterm() -> Iterator[None]:
     try:
         yield
     except _Terminated:
-        typer.echo("terminated; run the same command again to continue", err=True)
+        typer.echo(f"terminated; run the same command again {again}", err=True)
         raise typer.Exit(TERMINATED) from None
     finally:
         signal.signal(signal.SIGTERM, before or signal.SIG_DFL)

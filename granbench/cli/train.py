@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -69,7 +70,11 @@ def train(
     # One by default: the bits of a result depend on the number of threads, and threads that
     # wait for a busy core made an epoch twenty times slower.
     torch.set_num_threads(threads)
-    with open_records(task_file(task)) as records, _epoch_bar(baseline, quiet) as show:
+    with (
+        stopped_by_sigterm(),
+        open_records(task_file(task)) as records,
+        _epoch_bar(baseline, quiet) as show,
+    ):
         folder = model.train(
             TrainingRequest(
                 records=records,

@@ -1,43 +1,17 @@
-"""From a table of columns to a laboratory test: units, derived quantities, and every check."""
-
-from dataclasses import dataclass
+"""From a table of columns to a laboratory test: derived quantities and their checks."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granbench.errors import DatasetError
 from granbench.laboratory.laboratory_test import FEWEST_POINTS, LaboratoryTest, apparent_kind
-from granbench.laboratory.quantities import QUANTITIES, known_quantity, listed
+from granbench.laboratory.measured import Measured, measured_quantities
+from granbench.laboratory.quantities import QUANTITIES, listed
 from granbench.laboratory.settings import ImportSettings
-from granbench.laboratory.tables import Column, Table
-from granbench.laboratory.units import is_stress_unit, unit_factor
+from granbench.laboratory.tables import Table
+from granbench.plausible import SMALLEST_STRESS
 
 Floats = NDArray[np.float64]
-
-LARGEST_STRESS = 1e9
-"""Pa; 1 GPa is beyond what soil laboratories reach, and crushes any grain."""
-
-SMALLEST_STRESS = 1e3
-"""Pa; a test whose stresses all lie below 1 kPa is read in the wrong unit."""
-
-LARGEST_STRAIN = 1.0
-VOID_RATIOS = (0.05, 10.0)
-
-
-@dataclass(frozen=True)
-class Measured:
-    """One quantity of a file in SI units, compression positive.
-
-    Parameters
-    ----------
-    header : of the column it comes from
-    unit : that it was given in
-    values : (row,)
-    """
-
-    header: str
-    unit: str
-    values: Floats
 
 
 def assemble(
@@ -59,7 +33,7 @@ def assemble(
         stress or a strain is in the wrong unit, there are fewer than five rows, the test does
         not start under compression, its axial strain falls though it is monotonic.
     """
-    measured = _measured(table, settings)
+    measured = measured_quantities(table, settings)
     if len(table.places) < FEWEST_POINTS:
         raise DatasetError(
             f"{table.source}: has {len(table.places)} rows of numbers, but a test needs "
@@ -77,80 +51,6 @@ def assemble(
     kind = settings.kind or kind or apparent_kind(strain, stress)
     _check_start(table, stress, kind)
     return LaboratoryTest(name, table.source, kind, strain, stress, void_ratio)
-
-
-def _measured(table: Table, settings: ImportSettings) -> dict[str, Measured]:
-    """The columns that hold a quantity, by its name."""
-    chosen: dict[str, Column] = {}
-    for quantity, header in settings.columns.items():
-        chosen[quantity] = _column(table, header)
-    taken = {id(column) for column in chosen.values()}
-    for column in table.columns:
-        found = known_quantity(column.name)
-        if found and found not in chosen and id(column) not in taken:
-            chosen[found] = column
-    return {name: _in_si(table, column, name, settings) for name, column in chosen.items()}
-
-
-def _column(table: Table, header: str) -> Column:
-    for column in table.columns:
-        if header.strip().lower() in (column.header.lower(), column.name.lower()):
-            return column
-    raise DatasetError(
-        f"{table.source}: has no column {header!r}; its columns are "
-        f"{listed(column.header for column in table.columns)}"
-    )
-
-
-def _in_si(table: Table, column: Column, quantity: str, settings: ImportSettings) -> Measured:
-    about = QUANTITIES[quantity]
-    unit = settings.unit_of(quantity) or column.unit or ("-" if quantity == "void_ratio" else None)
-    if unit is None:
-        example = "kPa" if about.is_stress else "%"
-        raise DatasetError(
-            f"{table.source}: column {column.header!r} ({about.title}) has no unit; write it into "
-            f"the header, as in '{column.name} [{example}]', or give the unit of {quantity}"
-        )
-    factor = unit_factor(unit)
-    if factor is None or is_stress_unit(unit) != about.is_stress:
-        known = "Pa, kPa, MPa or GPa" if about.is_stress else "% or -"
-        raise DatasetError(
-            f"{table.source}: column {column.header!r} ({about.title}) is in {unit!r}; use {known}"
-        )
-    values = factor * table.numbers(column)
-    if settings.tension_positive and quantity != "void_ratio":
-        values = values if quantity.startswith("deviatoric") else -values
-    measured = Measured(column.header, unit, values)
-    _check_size(table, measured, quantity)
-    return measured
-
-
-def _check_size(table: Table, measured: Measured, quantity: str) -> None:
-    """Refuse what only a wrong unit explains."""
-    sizes = np.abs(measured.values)
-    row, largest = int(sizes.argmax()), float(sizes.max())
-    where = f"{table.source}, {table.places[row]}: column {measured.header!r}"
-    shown = f"{largest / (unit_factor(measured.unit) or 1.0):g} {measured.unit}"
-    if QUANTITIES[quantity].is_stress:
-        if largest > LARGEST_STRESS:
-            raise DatasetError(
-                f"{where} holds {shown}, which is suspicious: no laboratory reaches "
-                f"{LARGEST_STRESS / 1e9:g} GPa; check the unit"
-            )
-    elif quantity == "void_ratio":
-        low, high = VOID_RATIOS
-        bad = (measured.values < low) | (measured.values > high)
-        if bad.any():
-            row = int(bad.argmax())
-            raise DatasetError(
-                f"{table.source}, {table.places[row]}: column {measured.header!r} gives a void "
-                f"ratio of {measured.values[row]:g}, which is suspicious; check the unit"
-            )
-    elif largest >= LARGEST_STRAIN:
-        raise DatasetError(
-            f"{where} holds {shown}, a strain of {100.0 * largest:g} %, which is suspicious; check "
-            "whether the unit is %"
-        )
 
 
 def _missing(table: Table, what: str, remedy: str) -> DatasetError:
@@ -179,22 +79,28 @@ def _principal_stress(
         raise _missing(
             table,
             "the lateral stress",
-            "it follows from two of q, p, axial and lateral stress, or from a constant lateral "
-            "stress that you give",
+            "it follows from two of q, p, axial and lateral stress: name the missing column with "
+            "--column mean_stress=HEADER, or give a constant lateral stress with --lateral-stress "
+            "PA",
         )
     if axial is None and q is not None:
         axial = lateral + q
     elif axial is None and p is not None:
         axial = 3.0 * p - 2.0 * lateral
     if axial is None:
-        raise _missing(table, "the axial stress", "add q, p or the axial stress")
+        raise _missing(
+            table,
+            "the axial stress",
+            "add q, p or the axial stress, or name its column with --column "
+            "deviatoric_stress=HEADER",
+        )
     stress = np.stack([axial, lateral if middle is None else middle, lateral], axis=-1)
     if np.abs(stress).max() < SMALLEST_STRESS:
         header, unit = next((m.header, m.unit) for n, m in measured.items() if n in known)
         raise DatasetError(
             f"{table.source}: column {header!r} and the others give no stress above "
-            f"{np.abs(stress).max():.3g} Pa, which is suspicious; check whether the unit is "
-            f"{'kPa' if unit.lower() == 'pa' else 'larger'}"
+            f"{np.abs(stress).max():.3g} Pa, which is suspicious; give the unit with --unit "
+            f"stress={'kPa' if unit.lower() == 'pa' else 'MPa'}"
         )
     return stress
 
@@ -214,7 +120,10 @@ def _principal_strain(
         axial = shear + volume / 3.0
     if axial is None:
         raise _missing(
-            table, "the axial strain", "name its column, or give volumetric and deviatoric strain"
+            table,
+            "the axial strain",
+            "name its column with --column axial_strain=HEADER, or those of volumetric_strain and "
+            "deviatoric_strain",
         )
     measure = _logarithmic if settings.strain_measure == "engineering" else np.asarray
     axial = measure(axial)
@@ -247,7 +156,7 @@ def _check_monotonic(
         raise DatasetError(
             f"{table.source}, {table.places[row]}: column {header!r}: the axial strain falls from "
             f"{axial[row - 1]:.6g} to {axial[row]:.6g}, but the test is monotonic; sort the rows "
-            "or say that it is not"
+            "or leave out --monotonic"
         )
 
 
@@ -257,6 +166,6 @@ def _check_start(table: Table, stress: Floats, kind: str) -> None:
         return
     raise DatasetError(
         f"{table.source}, {table.places[0]}: the mean stress is {pressure:g} Pa, but a test "
-        "starts under compression (p0 > 0); remove the rows before it, or say that the file "
-        "counts tension positive"
+        "starts under compression (p0 > 0); remove the rows before it or, if the file counts "
+        "tension positive, say so with --tension-positive"
     )

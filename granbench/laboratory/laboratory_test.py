@@ -24,6 +24,11 @@ NO_STRAIN = 0.01
 """Share of the axial strain below which another strain was prevented."""
 
 
+NO_SHEAR = 0.01
+"""Share of the largest mean stress below which q is noise: the friction of soils lets q reach some
+tenths of p, and load cells are read to a few thousandths."""
+
+
 @dataclass(frozen=True)
 class LaboratoryTest:
     """One test; compression positive, SI units, logarithmic strain.
@@ -50,7 +55,8 @@ class LaboratoryTest:
         """Raise DatasetError where the parts do not fit each other."""
         if self.kind not in KINDS:
             raise DatasetError(
-                f"{self.source}: the kind of test {self.kind!r} is unknown; use {', '.join(KINDS)}"
+                f"{self.source}: the kind of test {self.kind!r} is unknown; use --kind with one of "
+                f"{', '.join(KINDS)}"
             )
         steps = len(self.strain)
         if steps < FEWEST_POINTS:
@@ -69,7 +75,8 @@ class LaboratoryTest:
         if not self.lateral_strain_known and self.kind not in HELD_LATERAL_STRESS:
             raise DatasetError(
                 f"{self.source}: a test of the kind {self.kind} needs the lateral or the "
-                "volumetric strain; add its column"
+                "volumetric strain; name its column with --column volumetric_strain=HEADER or, if "
+                "the lateral stress was held, say so with --kind triaxial-drained"
             )
         if not (np.isfinite(self.strain[:, 0]).all() and np.isfinite(self.stress).all()):
             raise DatasetError(f"{self.source}: has stresses or strains that are NaN; mend them")
@@ -103,6 +110,11 @@ class LaboratoryTest:
     def deviatoric_stress(self) -> NDArray[np.float64]:
         """q, (step,), Pa."""
         return deviatoric_stress(self.stress)
+
+    @property
+    def is_sheared(self) -> bool:
+        """Whether the test bears a deviatoric stress; isotropic compression does not."""
+        return bool(self.deviatoric_stress.max() > NO_SHEAR * np.abs(self.mean_stress).max())
 
     @property
     def initial_mean_stress(self) -> float:

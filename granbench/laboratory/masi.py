@@ -61,7 +61,7 @@ def read_paths(
     for group, example in (("strain", "-"), ("stress", "kPa")):
         if group not in settings.units:
             raise DatasetError(
-                f"{path}: states no units; give that of {group}, such as {group}={example}"
+                f"{path}: states no units; give that of {group}, such as --unit {group}={example}"
             )
     if settings.strain_measure == "engineering":
         # What a model of infinitesimal strain made has no finite measure to convert.

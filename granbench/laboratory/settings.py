@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from granbench.errors import ConfigurationError
 from granbench.laboratory.laboratory_test import KINDS
 from granbench.laboratory.quantities import QUANTITIES
-from granbench.laboratory.units import is_stress_unit, unit_factor
+from granbench.laboratory.units import is_stress_unit, known_units, unit_factor
+from granbench.plausible import LARGEST_STRESS, VOID_RATIOS
 
 STRAIN_MEASURES = ("engineering", "logarithmic")
 
@@ -47,32 +48,43 @@ class ImportSettings:
         for name in self.columns:
             if name not in QUANTITIES:
                 raise ConfigurationError(
-                    f"there is no quantity {name!r} to find a column for; use "
+                    f"--column {name}: there is no quantity {name!r} to find a column for; use "
                     f"{', '.join(QUANTITIES)}"
                 )
         for name, unit in self.units.items():
             if name not in (*QUANTITIES, "stress", "strain"):
                 raise ConfigurationError(
-                    f"there is no quantity {name!r} to give a unit; use stress, strain or one of "
-                    f"{', '.join(QUANTITIES)}"
+                    f"--unit {name}: there is no quantity {name!r} to give a unit; use stress, "
+                    f"strain or one of {', '.join(QUANTITIES)}"
                 )
             stress = name == "stress" or (name in QUANTITIES and QUANTITIES[name].is_stress)
             if unit_factor(unit) is None or is_stress_unit(unit) != stress:
-                known = "Pa, kPa, MPa or GPa" if stress else "% or -"
-                raise ConfigurationError(f"{unit!r} is no unit of {name}; use {known}")
+                raise ConfigurationError(
+                    f"--unit {name}={unit}: {unit!r} is no unit of {name}; use one of "
+                    f"{known_units(stress)}"
+                )
         if self.kind is not None and self.kind not in KINDS:
             raise ConfigurationError(
-                f"the kind of test {self.kind!r} is unknown; use {', '.join(KINDS)}"
+                f"--kind {self.kind}: the kind of test {self.kind!r} is unknown; use "
+                f"{', '.join(KINDS)}"
             )
         if self.strain_measure not in STRAIN_MEASURES:
             raise ConfigurationError(
-                f"the strain measure {self.strain_measure!r} is unknown; use "
-                f"{' or '.join(STRAIN_MEASURES)}"
+                f"--strain-measure {self.strain_measure}: the strain measure "
+                f"{self.strain_measure!r} is unknown; use {' or '.join(STRAIN_MEASURES)}"
             )
-        for name in ("initial_void_ratio", "lateral_stress"):
-            value = getattr(self, name)
-            if value is not None and not 0.0 < value < float("inf"):
-                raise ConfigurationError(f"{name} = {value:g} must be a number above 0")
+        least, greatest = VOID_RATIOS
+        e0, lateral = self.initial_void_ratio, self.lateral_stress
+        if e0 is not None and not least <= e0 <= greatest:
+            raise ConfigurationError(
+                f"--e0 {e0:g} is no void ratio of a soil; give the volume of the voids over that "
+                f"of the grains, from {least:g} to {greatest:g} (0.8, not 80 %)"
+            )
+        if lateral is not None and not 0.0 < lateral <= LARGEST_STRESS:
+            raise ConfigurationError(
+                f"--lateral-stress {lateral:g} is no cell pressure; give it in Pa, compression "
+                "positive (1e5 is 100 kPa)"
+            )
 
     def unit_of(self, quantity: str) -> str | None:
         """Unit that the user gives a quantity, or None."""

@@ -18,6 +18,7 @@ from granbench.laboratory.settings import ImportSettings
 from granbench.laboratory.tables import Column, Table
 from granbench.laboratory.units import split_header
 from granbench.laboratory.workbook import Cell, read_workbook
+from granbench.plausible import VOID_RATIOS
 
 KIND = "triaxial-drained"
 SHEETS = "CID"
@@ -56,14 +57,20 @@ def _sheet_test(
     start = rows.get(1, [])
     void_ratio = start[1] if len(start) > 1 else None
     if settings.initial_void_ratio is None and isinstance(void_ratio, float):
-        settings = _with_void_ratio(settings, void_ratio, source)
+        settings = _with_void_ratio(settings, void_ratio, source, "cell B1")
     table = Table(source, [f"row {number}" for number in numbers], columns)
     return assemble(table, settings, name, KIND)
 
 
-def _with_void_ratio(settings: ImportSettings, value: float, source: str) -> ImportSettings:
-    if not value > 0.0:
-        raise DatasetError(f"{source}: cell B1 gives an initial void ratio of {value:g}; mend it")
+def _with_void_ratio(
+    settings: ImportSettings, value: float, source: str, place: str
+) -> ImportSettings:
+    least, greatest = VOID_RATIOS
+    if not least <= value <= greatest:
+        raise DatasetError(
+            f"{source}: gives an initial void ratio of {value:g} ({place}); mend it, or give "
+            "another with --e0"
+        )
     return ImportSettings(**(vars(settings) | {"initial_void_ratio": value}))
 
 
@@ -118,6 +125,7 @@ def read_paths(
         density = float(arrays["a2"][start, place, 0])
         chosen = settings
         if settings.initial_void_ratio is None:
-            chosen = _with_void_ratio(settings, GRAIN_DENSITY / density - 1.0, table.source)
+            void_ratio = GRAIN_DENSITY / density - 1.0
+            chosen = _with_void_ratio(settings, void_ratio, table.source, "from array a2")
         tests.append(assemble(table, chosen, f"{path.stem}-{place + 1}", KIND))
     return tests

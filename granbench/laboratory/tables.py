@@ -186,7 +186,7 @@ def _headers(heading: Sequence[str], separator: str | None) -> tuple[list[str], 
     """Names of the columns, and their units where a line of its own gives them."""
     lines = [line.lstrip(COMMENT).strip() for line in heading]
     units: list[str] = []
-    if lines and (found := _unit_line(lines[-1])):
+    if lines and (found := _unit_line(lines[-1], alone=len(lines) == 1)):
         units = found
         lines.pop()
     if not lines:
@@ -197,11 +197,21 @@ def _headers(heading: Sequence[str], separator: str | None) -> tuple[list[str], 
     return names, units
 
 
-def _unit_line(line: str) -> list[str] | None:
-    """The units of a line that holds nothing else, or None."""
+def _unit_line(line: str, alone: bool) -> list[str] | None:
+    """The units of a line that holds nothing else, or None.
+
+    Below a line of names it holds units where every cell is in brackets or most are known; which
+    of them is not is for the reader of that column to say.
+    """
     cells = [cell for cell in re.split(r"[,;\s]+", line) if cell]
+    if not cells:
+        return None
     units = [cell.strip("[]()") for cell in cells]
-    return units if cells and all(unit_factor(unit) is not None for unit in units) else None
+    known = sum(unit_factor(unit) is not None for unit in units)
+    bracketed = all(cell[0] in "[(" and cell[-1] in "])" for cell in cells)
+    if known == len(cells):
+        return units
+    return units if not alone and (bracketed or 2 * known > len(cells)) else None
 
 
 def _header_cells(line: str, separator: str | None) -> list[str]:

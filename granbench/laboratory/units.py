@@ -15,6 +15,9 @@ PASCALS = {
 }
 RATIOS = {"-": 1.0, "1": 1.0, "–": 1.0, "m/m": 1.0, "mm/mm": 1.0, "%": 1e-2, "percent": 1e-2}
 
+STRESS_UNITS = "Pa, kPa, MPa, GPa, bar, N/m2, kN/m2, MN/m2 or N/mm2"
+RATIO_UNITS = "% or -"
+
 _BRACKETED = re.compile(r"[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])]")
 _SLASHED = re.compile(r"^(?P<name>[^/]+?)\s*/\s*(?P<unit>k?n/m2|[kmg]?pa|%|percent|bar)$", re.I)
 
@@ -22,7 +25,8 @@ _SLASHED = re.compile(r"^(?P<name>[^/]+?)\s*/\s*(?P<unit>k?n/m2|[kmg]?pa|%|perce
 def split_header(header: str) -> tuple[str, str | None]:
     """Name and unit of a column header, such as ``eps1 [%]``, ``q (kPa)`` or ``q/kPa``.
 
-    The unit is None where the header has none. Brackets that hold no unit belong to the name.
+    The unit is None where the header has none. Brackets that hold no unit that is known belong to
+    the name; see `split_strange_unit` for what may yet be meant as one.
     """
     header = header.strip()
     for found in _BRACKETED.finditer(header):
@@ -31,6 +35,17 @@ def split_header(header: str) -> tuple[str, str | None]:
     if slashed := _SLASHED.match(header):
         return slashed["name"], slashed["unit"]
     return header, None
+
+
+def split_strange_unit(header: str) -> tuple[str, str] | None:
+    """Name and unit of a header that ends in brackets of one word, whatever that word is."""
+    found = re.fullmatch(r"(?P<name>.*?)\s*[\[(]\s*(?P<unit>[^\[\]()\s]+)\s*[\])]", header.strip())
+    return (found["name"], found["unit"]) if found else None
+
+
+def known_units(is_stress: bool) -> str:
+    """The units of a stress, or of a ratio such as a strain, as a list for an error text."""
+    return STRESS_UNITS if is_stress else RATIO_UNITS
 
 
 def unit_factor(unit: str) -> float | None:

@@ -16,8 +16,7 @@ from granbench.paths.element import (
 )
 from granbench.paths.programme import Floats, LoadingProgramme
 from granbench.paths.triaxial import ConstantMeanStress, ConstantMinorStress
-
-LARGEST_STRAIN = 1.0
+from granbench.plausible import LARGEST_STRAIN
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from granbench.errors import ConfigurationError
 from granbench.paths.mixed_control import MixedControl
 from granbench.paths.programme import Floats
+from granbench.plausible import LARGEST_STRAIN, LARGEST_STRESS
 from granbench.schema import SCHEMA
 from granbench.tensors import COMPONENT_ORDERS
 from granbench.whole_file import whole_file
@@ -120,7 +121,8 @@ def read_path(path: Path | str) -> PathTable:
     ConfigurationError
         Naming the file, and where there is one the row and column: it is missing or empty, a
         column is unknown, missing or double, a cell is blank or no finite number, a row is too
-        short or too long, or there is no step.
+        short or too long, a strain or a stress is as large as only a wrong unit makes it, or
+        there is no step.
     """
     path = Path(path)
     try:
@@ -155,7 +157,26 @@ def read_path(path: Path | str) -> PathTable:
         raise ConfigurationError(
             f"{path}: has no step; give at least one row of strains that are not zero"
         )
+    _check_sizes(table)
     return table
+
+
+def _check_sizes(table: PathTable) -> None:
+    """Refuse the first row that holds what only a wrong unit explains."""
+    stress = np.array([name.startswith(STRESS) for name in table.columns])
+    beyond = np.abs(table.values) > np.where(stress, LARGEST_STRESS, LARGEST_STRAIN)
+    if not beyond.any():
+        return
+    row, at = (int(place[0]) for place in beyond.nonzero())
+    found = f"{table.place(row)}, column {table.columns[at]} holds {table.values[row, at]:g}"
+    if stress[at]:
+        raise ConfigurationError(
+            f"{found}, a stress beyond {LARGEST_STRESS / 1e9:g} GPa; give it in Pa (1e5 is 100 kPa)"
+        )
+    raise ConfigurationError(
+        f"{found}, a strain beyond {100.0 * LARGEST_STRAIN:g} %; strain has no unit: if the column "
+        "is in %, divide it by 100"
+    )
 
 
 def _label(column: str) -> str:

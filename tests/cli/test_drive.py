@@ -12,6 +12,9 @@ from granbench.cli import main
 from granbench.records import open_records, verify
 
 PLANE = "eps_xx,eps_yy,eps_xy\n0,0,0\n0.004,0,0.001\n0.01,-0.004,0.002\n"
+MINE = json.dumps(
+    {"model": "j2", "parameters": {"bulk_modulus": 2e6, "shear_modulus": 1e6, "yield_stress": 5e4}}
+)
 MODEL = """
 from driven_cells import Timid, elastic, learnt
 
@@ -174,8 +177,8 @@ def test_a_baseline_is_told_what_it_needs_at_its_start(drive, tmp_path):
 
 
 def test_parameters_come_from_a_file_or_a_set(drive, tmp_path):
-    values = {"bulk_modulus": 2e6, "shear_modulus": 1e6, "yield_stress": 5e4}
-    (tmp_path / "mine.json").write_text(json.dumps({"model": "j2", "parameters": values}))
+    values = json.loads(MINE)["parameters"]
+    (tmp_path / "mine.json").write_text(MINE)
     test = ("--control", "oedometer", "--steps", "4", "--json", "--out", "out.csv")
     for model in (("j2", "--params", "mine.json"), ("mine.json",)):
         code, out, err = drive(*model, *test)
@@ -201,6 +204,11 @@ def test_what_a_user_can_get_wrong_is_said_in_one_sentence(drive, tmp_path):
     (tmp_path / "path.csv").write_text(PLANE)
     (tmp_path / "nan.csv").write_text(PLANE + "0.02,nan,0\n")
     (tmp_path / "principal.csv").write_text("eps_11,eps_22,eps_33\n0.1,0,0\n")
+    (tmp_path / "percent.csv").write_text(PLANE + "0.02,5.0,0\n")
+    (tmp_path / "crushed.csv").write_text("eps_11,eps_22,eps_33\n0.1,0.1,0.1\n0.2,0.2,0.2\n")
+    (tmp_path / "pascal.csv").write_text("eps_11,eps_22,sig_33\n0,0,1e15\n")
+    (tmp_path / "history.csv").write_text("eps_axial\n0.1\n20\n")
+    (tmp_path / "mine.csv").write_text(MINE)
     before = sorted(tmp_path.iterdir())
     path = ("--path", "path.csv")
     test = ("--control", "oedometer")
@@ -217,7 +225,21 @@ def test_what_a_user_can_get_wrong_is_said_in_one_sentence(drive, tmp_path):
         (("j2", "--control", "odometer"), ["did you mean 'oedometer'"]),
         (("j2", *test, "--b", "0.5"), ["b = 0.5", "leave b out"]),
         (("j2", "--control", "constant-p", "--b", "1.5"), ["must lie in [0, 1]"]),
-        (("j2", *test, "--strain", "20"), ["write 0.2 for 20 %"]),
+        (
+            ("csuh", "--path", "percent.csv"),
+            ["percent.csv: row 4 (line 5), column eps_yy holds 5", "divide it by 100"],
+        ),
+        (("csuh", "--path", "crushed.csv"), ["crushed.csv: row 2 (line 3)", "voids"]),
+        (("j2", "--path", "pascal.csv"), ["row 1 (line 2), column sig_33", "1 GPa", "in Pa"]),
+        (("j2", "--path", "history.csv", *test), ["row 2 (line 3), column eps_axial holds 20"]),
+        (("j2", *test, "--strain", "20"), ["--strain 20", "write 0.2 for 20 %"]),
+        (("j2", *test, "--turning-points", "0.1,-2"), ["--turning-points -2", "0.2 for 20 %"]),
+        (("j2", *test, "--p0", "1e15"), ["--p0 1e+15", "in Pa (1e5 is 100 kPa)"]),
+        (("csuh", *test, "--e0", "-0.1"), ["--e0 -0.1", "0.8, not 80 %"]),
+        (("csuh", *test, "--e0", "80"), ["--e0 80", "0.8, not 80 %"]),
+        (("csuh", *test, "--e0", "3"), ["--e0 3: ", "loosest"]),
+        (("csuh", *test, "--ocr", "0.5"), ["--ocr 0.5", "give 1"]),
+        (("j2", *test, "--params", "mine.csv", "--out", "mine.csv"), ["--params", "another file"]),
         (("j2", *test, "--strain", "0"), ["cannot be visited"]),
         (("j2", *test, "--steps", "0"), ["take more steps"]),
         (("j2", *test, "--turning-points", "0.1;0.2"), ["--turning-points '0.1;0.2'"]),
@@ -242,9 +264,9 @@ def test_what_a_user_can_get_wrong_is_said_in_one_sentence(drive, tmp_path):
         (("csx", *test, "--set", "mine"), ["unknown model 'csx'"]),
     ]
     for words, parts in cases:
-        refused(drive(*words, "--out", "out.csv"), *parts)
+        refused(drive(*words, *(() if "--out" in words else ("--out", "out.csv"))), *parts)
     refused(drive("j2", *path, "--out", "out.xlsx"), "out.xlsx", ".csv or .nc")
-    refused(drive("j2", *path, "--out", "path.csv"), "path.csv is the path itself")
+    refused(drive("j2", *path, "--out", "path.csv"), "path.csv", "--path", "another file")
     assert sorted(tmp_path.iterdir()) == before
 
 

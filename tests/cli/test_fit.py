@@ -1,6 +1,7 @@
 """`granbench fit`: from a laboratory file to parameters that the other commands take."""
 
 import json
+import signal
 import sys
 from pathlib import Path
 
@@ -94,17 +95,77 @@ def test_a_test_that_is_left_out_is_predicted_and_printed(
     assert errors[0]["error"] == errors[1]["error"]
 
 
+@pytest.mark.parametrize("before", [[], ["fit.json", "mine.txt"]], ids=["no folder", "a folder"])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_fit_that_is_stopped_leaves_the_folder_as_it_was(
+    number: signal.Signals, code: int, before: list[str], laboratory: Path, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    out = tmp_path / "deep" / "fit"
+    if before:
+        out.mkdir(parents=True)
+        for name in before:
+            (out / name).write_text("old")
+
+    def stopped(*_: object, **__: object) -> None:
+        signal.raise_signal(number)
+
+    monkeypatch.setattr("granbench.baselines.fitting.fit", stopped)
+    assert run("fit", "j2", "--data", laboratory, "--out", out) == code
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert said.startswith(("terminated; run the same command again to begin anew", "interrupted"))
+    assert [file.name for file in tmp_path.iterdir()] == (["deep"] if before else [])
+    assert sorted(file.name for file in out.glob("*")) == before
+    assert all((out / name).read_text() == "old" for name in before)
+
+
+def test_isotropic_compression_tells_the_bulk_modulus_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    volume = np.linspace(0.0, 2.0, 12)
+    columns = [volume / 3.0, volume, 0.0 * volume, 100.0 + 25.0 * volume]
+    data = write_csv(tmp_path / "iso.csv", HEADERS[:4], columns)
+    words = ("fit", "j2", "--data", data, "--out", tmp_path / "fit", *QUICK[:-1])
+    assert run(*words, "--free", "bulk_modulus", "--strain-measure", "logarithmic") == 0
+    assert "note: no shear in iso" in capsys.readouterr().out
+    found = json.loads((tmp_path / "fit" / "parameters.json").read_text())["parameters"]
+    # 25 kPa for each per cent.
+    assert found["bulk_modulus"] == pytest.approx(2.5e6, rel=1e-6)
+
+
+def test_a_fit_does_not_overwrite_the_records_that_it_reads(
+    laboratory: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "fit"
+    assert run("fit", "j2", "--data", laboratory, "--out", out, *QUICK) == 0
+    records = out / "tests.nc"
+    assert run("fit", "j2", "--data", records, "--out", out, *QUICK) == 2
+    assert "would be overwritten" in capsys.readouterr().err
+    # Without the volume no records can be made: those of the other tests go.
+    columns = np.genfromtxt(laboratory, delimiter=",", skip_header=1).T
+    bare = write_csv(tmp_path / "bare.csv", [HEADERS[0], *HEADERS[2:4]], [columns[0], *columns[2:]])
+    assert run("fit", "j2", "--data", bare, "--out", out, "--free", "yield_stress", *QUICK) == 0
+    assert not records.exists() and (out / "parameters.json").exists()
+
+
 @pytest.mark.parametrize(
     ("change", "words", "named"),
     [
         ({"q [kPa]": lambda q: 1e6 * q}, (), ["q", "kPa"]),
         ({"q [kPa]": lambda q: np.where(q > 100.0, np.nan, q)}, (), ["q [kPa]", "row"]),
         ({}, ("--free", "stiffness"), ["stiffness", "shear_modulus"]),
-        ({}, ("--leave-out", "nothing.csv"), ["nothing.csv"]),
-        ({}, ("--weight", "colour=2"), ["colour"]),
+        ({}, ("--leave-out", "nothing.csv"), ["--leave-out 'nothing.csv'", "--data", "cd"]),
+        ({}, ("--weight", "colour=2"), ["--weight colour"]),
+        ({"q [kPa]": lambda q: 0.0 * q + 0.2}, (), ["cd.csv", "no shear", "--free", "bulk_mod"]),
+        ({}, ("--control", "stress"), ["--control 'stress'", "mixed"]),
+        ({}, ("--points", "3"), ["'--points'", "5"]),
+        ({}, ("--bootstrap", "5"), ["bootstrap = 5", "20"]),
+        ({}, ("--out", "/proc/fit"), ["/proc/fit", "choose a folder"]),
     ],
-    ids=["wrong unit", "not a number", "unknown parameter", "no file", "unknown quantity"],
-)
+    ids=["wrong unit", "not a number", "unknown parameter", "no file", "unknown quantity",
+         "no shear", "unknown control", "few points", "few samples", "unwritable"],
+)  # fmt: skip
 def test_a_mistake_is_one_sentence_and_leaves_nothing(
     change: dict, words: tuple, named: list[str], tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -114,7 +175,7 @@ def test_a_mistake_is_one_sentence_and_leaves_nothing(
         columns[header] = spoil(columns[header])
     data = write_csv(tmp_path / "cd.csv", HEADERS, list(columns.values()))
     out = tmp_path / "fit"
-    assert run("fit", "j2", "--data", data, "--out", out, *words, *QUICK) == 2
+    assert run("fit", "j2", "--data", data, "--out", out, *QUICK, *words) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert all(word in said for word in named), said

@@ -44,6 +44,24 @@ def no_unit(headers: list[str], columns: list[np.ndarray]) -> None:
     headers[2] = "q"
 
 
+def force(headers: list[str], columns: list[np.ndarray]) -> None:
+    headers[2] = "q [kN]"
+
+
+def barrels(headers: list[str], columns: list[np.ndarray]) -> None:
+    headers[4] = "e [bbl]"
+
+
+def twice(headers: list[str], columns: list[np.ndarray]) -> None:
+    headers.append("p [kPa]")
+    columns.append(columns[3])
+
+
+def two_names(headers: list[str], columns: list[np.ndarray]) -> None:
+    headers.append("deviator stress [kPa]")
+    columns.append(columns[2])
+
+
 def stress_in_percent(headers: list[str], columns: list[np.ndarray]) -> None:
     headers[2] = "q [%]"
 
@@ -67,17 +85,21 @@ def tension(headers: list[str], columns: list[np.ndarray]) -> None:
 @pytest.mark.parametrize(
     ("spoil", "named"),
     [
-        (wrong_unit, ["line 8", "'q [kPa]'", "5e+08 kPa", "suspicious", "unit"]),
-        (pascals, ["suspicious", "kPa"]),
-        (percent_as_ratio, ["line 41", "'eps1 [-]'", "suspicious", "%"]),
-        (void_ratio_in_percent, ["line 2", "'e [%]'", "suspicious"]),
+        (wrong_unit, ["line 8", "'q [kPa]'", "5e+08 kPa", "suspicious", "--unit deviatoric_str"]),
+        (pascals, ["suspicious", "--unit stress=kPa"]),
+        (percent_as_ratio, ["line 41", "'eps1 [-]'", "suspicious", "--unit axial_strain=%"]),
+        (void_ratio_in_percent, ["line 2", "'e [%]'", "suspicious", "--unit void_ratio=-"]),
         (not_a_number, ["line 6", "'p [kPa]'", "'nan'"]),
-        (no_unit, ["'q'", "no unit", "'q [kPa]'"]),
-        (stress_in_percent, ["'q [%]'", "'%'", "kPa"]),
-        (no_axial_strain, ["axial strain", "'time [-]'"]),
-        (no_lateral_stress, ["lateral stress", "'q [kPa]'"]),
+        (no_unit, ["'q'", "no unit", "'q [kPa]'", "--unit deviatoric_stress=kPa"]),
+        (force, ["'q [kN]'", "'kN'", "no unit that is known", "MPa", "--unit deviatoric_stress="]),
+        (barrels, ["'e [bbl]'", "'bbl'", "% or -", "--unit void_ratio="]),
+        (stress_in_percent, ["'q [%]'", "'%'", "kPa", "--unit deviatoric_stress=kPa"]),
+        (no_axial_strain, ["axial strain", "'time [-]'", "--column axial_strain=HEADER"]),
+        (no_lateral_stress, ["lateral stress", "'q [kPa]'", "--lateral-stress PA"]),
+        (twice, ["'p [kPa]' and 'p [kPa]' both", "mean stress", "remove one"]),
+        (two_names, ["'q [kPa]' and 'deviator stress [kPa]'", "--column deviatoric_stress=HEADER"]),
         (four_points, ["4 rows", "5"]),
-        (tension, ["line 2", "mean stress", "-100000 Pa", "tension positive"]),
+        (tension, ["line 2", "mean stress", "-100000 Pa", "--tension-positive"]),
     ],
 )
 def test_bad_files_are_refused_in_one_sentence(
@@ -99,7 +121,7 @@ def test_a_falling_axial_strain_is_refused_only_where_the_test_is_monotonic(tmp_
 
     path = spoilt(tmp_path, swap)
     assert len(read_tests(path)) == 1
-    with pytest.raises(DatasetError, match=r"line 13: column 'eps1 \[%\]': the axial strain falls"):
+    with pytest.raises(DatasetError, match=r"line 13: column 'eps1 \[%\]': .* falls.*--monotonic"):
         read_tests(path, ImportSettings(monotonic=True))
 
 
@@ -156,12 +178,19 @@ def test_a_workbook_names_sheet_and_row_of_a_bad_cell(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("settings", "named"),
     [
-        ({"columns": {"strain_axial": "A"}}, "no quantity 'strain_axial'"),
-        ({"units": {"stress": "%"}}, "'%' is no unit of stress"),
-        ({"units": {"mean_stress": "psi"}}, "'psi' is no unit"),
-        ({"kind": "triaxal"}, "kind of test 'triaxal'"),
-        ({"strain_measure": "true"}, "strain measure 'true'"),
-        ({"initial_void_ratio": -0.1}, "initial_void_ratio = -0.1"),
+        (
+            {"columns": {"strain_axial": "A"}},
+            "--column strain_axial: there is no quantity 'strain_axial'",
+        ),
+        ({"units": {"stress": "%"}}, "--unit stress=%: '%' is no unit of stress"),
+        ({"units": {"mean_stress": "psi"}}, "--unit mean_stress=psi: 'psi' is no unit.*kPa"),
+        ({"units": {"strian": "%"}}, "--unit strian"),
+        ({"kind": "triaxal"}, "--kind triaxal"),
+        ({"strain_measure": "true"}, "--strain-measure true"),
+        ({"initial_void_ratio": -0.1}, "--e0 -0.1"),
+        ({"initial_void_ratio": 80.0}, "--e0 80 .*0.8, not 80 %"),
+        ({"lateral_stress": -1e5}, "--lateral-stress -100000 .*in Pa"),
+        ({"lateral_stress": 1e12}, "--lateral-stress"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused(settings: dict, named: str) -> None:
@@ -173,3 +202,26 @@ def test_a_column_that_is_not_there_is_named(tmp_path: Path) -> None:
     path = spoilt(tmp_path, lambda headers, columns: None)
     with pytest.raises(DatasetError, match=r"no column 'Sigma'.*'eps1 \[%\]'"):
         read_tests(path, ImportSettings(columns={"axial_stress": "Sigma"}))
+    path = spoilt(tmp_path, twice)
+    with pytest.raises(DatasetError, match=r"2 columns 'p \[kPa\]'; rename one"):
+        read_tests(path, ImportSettings(columns={"mean_stress": "p [kPa]"}))
+    path = spoilt(tmp_path, two_names)
+    chosen = ImportSettings(columns={"deviatoric_stress": "deviator stress"})
+    assert len(read_tests(path, chosen)) == 1
+
+
+def test_a_strange_unit_is_overruled_by_the_one_that_the_user_gives(tmp_path: Path) -> None:
+    (plain,) = read_tests(spoilt(tmp_path, lambda headers, columns: None))
+    (told,) = read_tests(spoilt(tmp_path, force), ImportSettings(units={"stress": "kPa"}))
+    np.testing.assert_array_equal(told.stress, plain.stress)
+
+
+@pytest.mark.parametrize("units", ["%;%;kN;kPa", "[%];[%];[kN];[pounds]"])
+def test_a_strange_unit_in_a_line_of_units_is_named(units: str, tmp_path: Path) -> None:
+    curve = drained_curve()
+    columns = [curve[name] for name in ("eps1", "epsv", "q", "p")]
+    rows = [";".join(f"{value:.12g}" for value in row) for row in zip(*columns, strict=True)]
+    path = tmp_path / "cd.csv"
+    path.write_text("\n".join(["Versuch 7", "eps1;epsv;q;p", units, *rows]))
+    with pytest.raises(DatasetError, match=r"column 'q \[kN\]' .* is in 'kN'.*--unit"):
+        read_tests(path)

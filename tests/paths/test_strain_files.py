@@ -35,8 +35,8 @@ def test_columns_are_found_by_name(table):
     found = table("eps_xy, eps_xx ,eps_yy\n0,0,0\n-0.3,0.1,2e-1\n")
     assert found.order == "plane" and found.held == ()
     np.testing.assert_array_equal(found.components(STRAIN)[1], [0.1, 0.2, -0.3])
-    assert table("eps_33,eps_22,eps_11\n1,2,3\n").order == "principal"
-    assert table("eps_xx,eps_yy,eps_zz,eps_yz,eps_xz,eps_xy\n1,2,3,4,5,6\n").order == "full"
+    assert table("eps_33,eps_22,eps_11\n.1,.2,.3\n").order == "principal"
+    assert table("eps_xx,eps_yy,eps_zz,eps_yz,eps_xz,eps_xy\n.1,.2,.3,.4,.5,.6\n").order == "full"
 
 
 def test_spreadsheets_write_marks_and_empty_lines(table):
