@@ -60,7 +60,7 @@ def run(
     if isinstance(problem, str):
         problem = find_problem(problem)
     problem = problem.confined_for(cell)
-    settings = _settings(problem, solver)
+    settings = solver if not isinstance(solver, str) else settings_for(problem, solver)
     mesh_name = mesh if isinstance(mesh, str) else None if mesh else problem.default_mesh
     if not isinstance(mesh, PlaneMesh):
         mesh = problem.mesh(mesh)
@@ -98,9 +98,14 @@ def run(
     return Analysis(recorder.dataset(attributes), failure)
 
 
-def _settings(problem: Problem, solver: str | Settings) -> Settings:
-    if not isinstance(solver, str):
-        return solver
+def settings_for(problem: Problem, solver: str) -> Settings:
+    """Settings of a solver by its name, as the problem has them.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such solver.
+    """
     if solver not in SOLVERS:
         raise ConfigurationError(f"unknown solver {solver!r}; there are {' and '.join(SOLVERS)}")
     return problem.explicit() if solver == "explicit" else problem.implicit()
