@@ -13,7 +13,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from granbench import __version__
-from granbench.cli import data, drive, evaluate, fit, generate, leaderboard, submission, train
+from granbench.cli import data, drive, evaluate, fem, fit, generate, leaderboard, submission, train
 from granbench.errors import GranbenchError
 
 USER_ERROR = 2
@@ -54,6 +54,7 @@ app.command()(train.train)
 app.command()(evaluate.evaluate)
 app.command()(drive.drive)
 app.command()(fit.fit)
+app.command()(fem.fem)
 app.add_typer(submission.app, name="submission")
 app.add_typer(leaderboard.app, name="leaderboard")
 

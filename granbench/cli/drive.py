@@ -103,7 +103,7 @@ def drive(
         refuse_overwriting(out, option, file)
     asked = _Asked(path, control, strain, turning_points, steps, b, order)
     choice = ModelChoice(model, parameter_set, params, task)
-    cell, course, state = asked.prepared(choice, Start(p0, _scalars(e0, ocr, start)))
+    cell, course, state = asked.prepared(choice, Start(p0, start_scalars(e0, ocr, start)))
     points = len(course.control.driven)
     if out.suffix == ".csv" and points > 1:
         raise ConfigurationError(
@@ -243,7 +243,9 @@ def _check_targets(out: Path, plot: Path | None) -> None:
         figure_format(plot)
 
 
-def _scalars(e0: float | None, ocr: float | None, start: Sequence[str] | None) -> dict[str, float]:
+def start_scalars(
+    e0: float | None, ocr: float | None, start: Sequence[str] | None
+) -> dict[str, float]:
     """What is known at the start beside the pressure, under dataset names."""
     if e0 is not None and ocr is not None:
         raise ConfigurationError("--e0 and --ocr both set the density at the start; give one")

@@ -59,13 +59,14 @@ def run(
     """
     if isinstance(problem, str):
         problem = find_problem(problem)
-    settings = _settings(problem, solver)
+    problem = problem.confined_for(cell)
+    settings = solver if not isinstance(solver, str) else settings_for(problem, solver)
     mesh_name = mesh if isinstance(mesh, str) else None if mesh else problem.default_mesh
     if not isinstance(mesh, PlaneMesh):
         mesh = problem.mesh(mesh)
     operators = build_operators(mesh, b_bar=problem.b_bar)
     loading = assemble_loading(problem.loading(mesh), operators, settings.density)
-    stress = problem.initial_stress(operators.points)
+    stress = problem.initial_stress(operators.points, settings.density)
     known = {"initial_mean_stress": 0.5 * (stress[0] + stress[1]), **(scalars or {})}
     points = GaussPoints(cell, stress, operators.points, known)
     recorder = Recorder(operators, points, problem.drive_length)
@@ -83,6 +84,8 @@ def run(
         "problem": problem.name,
         "title": problem.title,
         "drive": problem.drive,
+        "reaction": problem.reaction,
+        "length": problem.length,
         "choices": problem.configuration(),
         "cell": cell.name,
         "solver": "explicit" if isinstance(settings, ExplicitSettings) else "implicit",
@@ -95,9 +98,14 @@ def run(
     return Analysis(recorder.dataset(attributes), failure)
 
 
-def _settings(problem: Problem, solver: str | Settings) -> Settings:
-    if not isinstance(solver, str):
-        return solver
+def settings_for(problem: Problem, solver: str) -> Settings:
+    """Settings of a solver by its name, as the problem has them.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such solver.
+    """
     if solver not in SOLVERS:
         raise ConfigurationError(f"unknown solver {solver!r}; there are {' and '.join(SOLVERS)}")
     return problem.explicit() if solver == "explicit" else problem.implicit()

@@ -225,32 +225,3 @@ class PlaneMesh:
             f"element {element} of the mesh, with its centre at ({x:g}, {y:g}), is {how}{more}; "
             "mend the mesh"
         )
-
-
-def rectangle(
-    width: float, height: float, columns: int, rows: int, element: str = "quad8"
-) -> PlaneMesh:
-    """A structured mesh of a rectangle from (0, 0), with boundaries left, right, bottom, top.
-
-    Parameters
-    ----------
-    width, height : m
-    columns, rows : number of cells; each is one quadrilateral or two triangles
-    element : a key of `ELEMENTS`
-    """
-    triangles = element in ELEMENTS and ELEMENTS[element].corners == 3
-    kind = skfem.MeshTri if triangles else skfem.MeshQuad
-    x, y = np.linspace(0.0, width, columns + 1), np.linspace(0.0, height, rows + 1)
-    mesh = kind.init_tensor(x, y)
-    return PlaneMesh(mesh.with_boundaries(sides(0.0, width, 0.0, height)), element)
-
-
-def sides(left: float, right: float, bottom: float, top: float) -> dict[str, Where]:
-    """Masks of the four sides of a rectangle, for `skfem.Mesh.with_boundaries`."""
-    near = REACH * max(right - left, top - bottom)
-    return {
-        "left": lambda x: np.abs(x[0] - left) < near,
-        "right": lambda x: np.abs(x[0] - right) < near,
-        "bottom": lambda x: np.abs(x[1] - bottom) < near,
-        "top": lambda x: np.abs(x[1] - top) < near,
-    }

@@ -39,6 +39,7 @@ class Body(Problem):
     title: ClassVar[str] = "A body"
     drive: ClassVar[str] = "a displacement"
     reaction: ClassVar[str] = "a force"
+    length: ClassVar[str] = "a length"
     meshes: ClassVar[Mapping[str, Callable[[], PlaneMesh]]] = {}
     default_mesh: ClassVar[str] = ""
 
@@ -52,7 +53,7 @@ class Body(Problem):
     def loading(self, mesh: PlaneMesh) -> Loading:
         return self.act
 
-    def initial_stress(self, positions: np.ndarray) -> np.ndarray:
+    def initial_stress(self, positions: np.ndarray, density: float) -> np.ndarray:
         return np.outer((1.0, 1.0, 0.0), np.full(len(positions), self.pressure))
 
     def configuration(self) -> dict[str, object]:

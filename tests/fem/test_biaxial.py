@@ -36,7 +36,7 @@ def test_smooth_specimen_is_an_element_test(name: str) -> None:
     cell = MODELS[name]()
     settings = ImplicitSettings(steps=20, tolerance=1e-13)
     end = 0.02 if name == "csuh" else 0.1  # its large steps take many substeps
-    problem = Biaxial(ends="smooth", axial_strain=end)
+    problem = Biaxial(ends="smooth", end_strain=end, confinement=P0)
     found = run(problem, cell, solver=settings, mesh="coarse").check()
     expected = element_test(cell, 20, end)
     for point in range(found.sizes["point"]):
@@ -49,7 +49,7 @@ def test_smooth_specimen_is_an_element_test(name: str) -> None:
 def test_strength_of_a_von_mises_material_in_plane_strain() -> None:
     """sigma_1 - sigma_3 = 2 sigma_Y/sqrt(3), without hardening, whatever the confinement."""
     flat = {"hardening_modulus": 1e-3, "yield_stress": 2e5}
-    problem = Biaxial(ends="smooth", axial_strain=0.1)
+    problem = Biaxial(ends="smooth", end_strain=0.1, confinement=P0)
     found = run(problem, MODELS["ime"](flat), solver="implicit", mesh="coarse").check()
     difference = float(found["reaction"][-1]) / WIDTH - P0
     # The stress zz tends to the mean of the others as elastic strain dies out.
@@ -63,7 +63,7 @@ def test_first_yield_in_plane_strain(solver: ExplicitSettings | ImplicitSettings
     cell = MODELS["ime"](flat)
     nu, strength = 0.2, 2e5 / np.sqrt(1 - 0.2 + 0.2**2)
     modulus = 20e6 / (1 - nu**2)
-    problem = Biaxial(ends="smooth", axial_strain=1.5 * strength / modulus, speed=0.1)
+    problem = Biaxial(ends="smooth", end_strain=1.5 * strength / modulus, confinement=P0)
     found = run(problem, cell, solver=solver, mesh="coarse").check()
     difference = found["reaction"].values / WIDTH - P0
     elastic = difference < 0.99 * strength
@@ -104,7 +104,7 @@ def test_explicit_and_implicit_agree_in_the_quasi_static_limit(
     name: str, confinement: float, speed: float, damping: float
 ) -> None:
     end = 0.02 if name == "csuh" else 0.06
-    problem = Biaxial(confinement=confinement, axial_strain=end, speed=speed)
+    problem = Biaxial(confinement=confinement, end_strain=end, speed=speed)
     dynamic = ExplicitSettings(damping=damping, outputs=50)
     slow = run(problem, MODELS[name](), solver=dynamic, mesh="coarse").check()
     static = run(problem, MODELS[name](), solver=ImplicitSettings(steps=50), mesh="coarse").check()
@@ -150,11 +150,14 @@ def test_meshes_have_the_thesis_gauss_points(mesh: str, points: int) -> None:
 @pytest.mark.parametrize(
     ("choices", "sentence"),
     [
-        ({"axial_strain": 0.0}, "axial strain ends at 0"),
-        ({"cycles": "cyclic", "axial_strain": 0.08}, "let it be above 0.09"),
-        ({"confinement": -1.0}, "confinement of -1 Pa pulls"),
+        ({"end_strain": 0.0}, "end_strain is 0; give one above 0 and below 1"),
+        ({"speed": -1.0}, "speed is -1; give one above 0, in m/s"),
+        ({"confinement": -1.0}, "confinement of -1 Pa is no pressure"),
         ({"cycles": "many"}, "cycles cannot be 'many'; choose monotonic or cyclic or"),
-        ({"height": 2.0}, "no choice of 'height'; there is ends, cycles"),
+        (
+            {"height": 2.0},
+            "no choice of 'height'; there is cycles, confinement, end_strain, speed, ends",
+        ),
     ],
 )
 def test_choice_out_of_range_is_refused(choices: dict, sentence: str) -> None:

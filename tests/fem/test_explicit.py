@@ -30,9 +30,9 @@ QUICK = ExplicitSettings(outputs=20)
 @pytest.mark.parametrize(
     "problem",
     [
-        Biaxial(axial_strain=0.02, speed=1.0),
-        Biaxial(ends="smooth", axial_strain=0.02, speed=1.0, confinement=RandomConfinement(5.0)),
-        Biaxial(cycles="cyclic", axial_strain=0.1, speed=2.0),
+        Biaxial(end_strain=0.02, speed=1.0, confinement=1e5),
+        Biaxial(ends="smooth", end_strain=0.02, speed=1.0, confinement=RandomConfinement(5.0)),
+        Biaxial(cycles="cyclic", end_strain=0.1, speed=2.0, confinement=1e5),
     ],
     ids=["monotonic", "random confinement", "cyclic"],
 )
@@ -59,7 +59,7 @@ def test_weight_and_a_pressure_on_an_elastic_body_oscillate_without_loss() -> No
 @pytest.mark.parametrize("name", ["j2", "drucker-prager", "ime", "csuh"])
 def test_confinement_alone_changes_nothing(name: str) -> None:
     still = LoadingHistory((0.0, 0.1), (0.0, 0.0))
-    problem = Biaxial(ends="smooth")
+    problem = Biaxial(ends="smooth", confinement=1e5)
     loading = replace(problem.loading(rectangle(0.5, 1.0, 2, 4)), drive=still)
     lid = Pressure("top", LoadingHistory.constant(1e5))
     free = replace(loading, prescribed=loading.prescribed[::2], forces=(*loading.forces, lid))
@@ -87,7 +87,9 @@ def test_body_carried_along_is_not_stressed() -> None:
 
 
 def test_compression_is_positive_wherever_it_is_seen() -> None:
-    found = run(Biaxial(axial_strain=0.01), MODELS["ime"](), solver=QUICK, mesh="coarse").check()
+    found = run(
+        Biaxial(end_strain=0.01, confinement=1e5), MODELS["ime"](), solver=QUICK, mesh="coarse"
+    ).check()
     last = found.isel(step=-1)
     assert last["driving_displacement"] > 0.0
     assert last["reaction"] > 0.5 * 1e5
@@ -134,7 +136,7 @@ def test_material_that_stiffens_beyond_the_time_step_ends_the_run() -> None:
             return stress + stiffer * (dstrain @ torch.from_numpy(STIFFNESS))
 
     cell = ModuleCell(Stiffens(), name="stiffens", order="plane", dtype=torch.float64)
-    found = run(Biaxial(axial_strain=0.01), cell, solver=QUICK, mesh="coarse")
+    found = run(Biaxial(end_strain=0.01, confinement=1e5), cell, solver=QUICK, mesh="coarse")
     assert isinstance(found.failure, AnalysisError)
     assert "became unstable by step" in str(found.failure)
     assert found.dataset.sizes["step"] > 1
@@ -149,7 +151,7 @@ def test_model_without_stiffness_asks_for_a_modulus() -> None:
     with pytest.raises(ConfigurationError, match="slack has no stiffness .* give its modulus"):
         run(Biaxial(), cell, mesh="coarse")
     settings = ExplicitSettings(modulus=2e7, outputs=5)
-    assert run(Biaxial(axial_strain=0.001), cell, solver=settings, mesh="coarse").failure is None
+    assert run(Biaxial(end_strain=0.001), cell, solver=settings, mesh="coarse").failure is None
 
 
 @pytest.mark.parametrize(("name", "value"), [("density", 0.0), ("damping", -1.0), ("outputs", 0)])
@@ -163,7 +165,7 @@ def test_interrupted_run_keeps_its_output_so_far() -> None:
         if step > steps // 2:
             raise KeyboardInterrupt
 
-    found = run(Biaxial(axial_strain=0.01), elastic_cell(), mesh="coarse", on_step=interrupt)
+    found = run(Biaxial(end_strain=0.01), elastic_cell(), mesh="coarse", on_step=interrupt)
     assert isinstance(found.failure, KeyboardInterrupt)
     assert 50 < found.dataset.sizes["step"] < 60
     assert found.dataset.attrs["completed"] == 0
@@ -172,7 +174,7 @@ def test_interrupted_run_keeps_its_output_so_far() -> None:
 
 
 def test_result_is_read_back_from_its_file(tmp_path) -> None:
-    problem = Biaxial(axial_strain=0.01, confinement=RandomConfinement(2.0))
+    problem = Biaxial(end_strain=0.01, confinement=RandomConfinement(2.0))
     found = run(problem, MODELS["csuh"](), solver=QUICK, mesh="coarse")
     file = found.write(tmp_path / "biaxial.nc")
     with xr.open_dataset(file) as read:
@@ -184,7 +186,7 @@ def test_result_is_read_back_from_its_file(tmp_path) -> None:
 
 
 def test_file_that_cannot_be_written_is_one_sentence(tmp_path) -> None:
-    found = run(Biaxial(axial_strain=0.001), elastic_cell(), solver=QUICK, mesh="coarse")
+    found = run(Biaxial(end_strain=0.001), elastic_cell(), solver=QUICK, mesh="coarse")
     (tmp_path / "folder").mkdir()
     with pytest.raises(AnalysisError, match="cannot be written"):
         found.write(tmp_path / "folder")

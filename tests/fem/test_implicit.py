@@ -15,14 +15,16 @@ from granbench.fem.iteration import SCHEMES
 from granbench.fem.problems.biaxial import Biaxial
 from granbench.models import MODELS
 
-PROBLEM = Biaxial(axial_strain=0.05)
+PROBLEM = Biaxial(end_strain=0.05, confinement=1e5)
 
 
 @pytest.mark.parametrize("name", ["j2", "j2-hardening", "ime", "drucker-prager"])
 def test_newton_converges_quadratically_with_the_consistent_tangent(name: str) -> None:
     """Each residual is about the square of the last, over the forces: e' <= C e^2."""
     settings = ImplicitSettings(steps=10, tolerance=1e-13)
-    found = run(Biaxial(axial_strain=0.1), MODELS[name](), solver=settings, mesh="medium")
+    found = run(
+        Biaxial(end_strain=0.1, confinement=1e5), MODELS[name](), solver=settings, mesh="medium"
+    )
     history = found.dataset["residual"].values
     assert found.failure is None or "does not converge" in str(found.failure)
     pairs = np.stack([history[:, :-1].ravel(), history[:, 1:].ravel()], axis=1)
@@ -37,7 +39,7 @@ def test_newton_converges_quadratically_with_the_consistent_tangent(name: str) -
 @pytest.mark.parametrize("name", ["j2", "drucker-prager", "ime", "csuh"])
 def test_every_scheme_comes_to_the_same_balance(name: str, scheme: str) -> None:
     cell = MODELS[name]()
-    problem = replace(PROBLEM, axial_strain=0.01) if name == "csuh" else PROBLEM
+    problem = replace(PROBLEM, end_strain=0.01) if name == "csuh" else PROBLEM
     exact = run(problem, cell, solver=replace(FEW, tolerance=1e-9), mesh="coarse").check()
     settings = replace(FEW, scheme=scheme, displacement_tolerance=1e-6)
     found = run(problem, cell, solver=settings, mesh="coarse").check()
@@ -57,7 +59,9 @@ def test_first_step_of_an_elastic_body_takes_one_iteration() -> None:
 
 
 def test_work_of_the_stresses_is_that_of_the_loads() -> None:
-    found = run(Biaxial(cycles="cyclic"), MODELS["ime"](), solver="implicit", mesh="coarse").check()
+    found = run(
+        Biaxial(cycles="cyclic", confinement=1e5), MODELS["ime"](), solver="implicit", mesh="coarse"
+    ).check()
     # Unbalanced forces of 1e-6 do the rest.
     assert np.abs(found["energy_error"]).max() < 1e-5
     assert float(found["driving_strain"][-1]) == pytest.approx(0.1)
@@ -79,7 +83,7 @@ class Fragile(torch.nn.Module):
 
 def test_load_step_is_cut_until_it_passes() -> None:
     cell = ModuleCell(Fragile(5e-3), name="fragile", order="plane", dtype=torch.float64)
-    problem = Biaxial(ends="smooth", axial_strain=0.08)
+    problem = Biaxial(ends="smooth", end_strain=0.08, confinement=1e5)
     found = run(problem, cell, solver=ImplicitSettings(steps=4), mesh="coarse").check()
     assert (found["pieces"].values[1:] >= 4).all()
     exact = run(problem, elastic_cell(), solver=ImplicitSettings(steps=4), mesh="coarse").check()

@@ -15,7 +15,7 @@ from granbench.fem.loading import (
     assemble_loading,
 )
 from granbench.fem.operators import build_operators
-from granbench.fem.problems.biaxial import CYCLES, Biaxial
+from granbench.fem.problems.biaxial import Biaxial
 from granbench.paths.confining_pressure import RandomConfinement
 
 PUSH = LoadingHistory((0.0, 1.0), (0.0, 1.0))
@@ -51,7 +51,7 @@ def test_constant_speed_and_given_velocities_are_the_same_path() -> None:
 
 
 def test_load_steps_meet_every_turning_point() -> None:
-    drive = LoadingHistory.through(CYCLES["cyclic"], 0.1)
+    drive = Biaxial(cycles="cyclic").drive_history()
     times = load_times(drive, 50)
     assert set(drive.times) <= set(times)
     assert (np.diff(times) > 0.0).all()

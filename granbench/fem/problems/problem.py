@@ -3,20 +3,47 @@
 from __future__ import annotations
 
 import abc
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
 from difflib import get_close_matches
-from typing import ClassVar
+from typing import ClassVar, Self
 
+import numpy as np
+
+from granbench.cell import MaterialCell
 from granbench.errors import ConfigurationError
 from granbench.fem.iteration import ImplicitSettings
-from granbench.fem.loading import Loading
+from granbench.fem.loading import Loading, LoadingHistory, Pressure
 from granbench.fem.mesh import Floats, PlaneMesh
 from granbench.fem.time_step import ExplicitSettings
+from granbench.paths.confining_pressure import RandomConfinement
+
+CYCLES: Mapping[str, tuple[float, ...]] = {
+    "monotonic": (),
+    "cyclic": (0.5, 0.3, 0.7, 0.4, 0.8, 0.4, 0.9, 0.5),
+    "cyclic-8-4": (0.8, 0.4),
+    "cyclic-7-5": (0.7, 0.5),
+}
+"""Where each loading turns - unloading, reloading, and so on - as shares of the final strain. With
+the 10 % of the thesis they are its turning points (Sec 6.4)."""
+
+CONFINEMENT = 1e5
+"""Pa; the thesis' confinement of the models that are defined under compression only."""
 
 
+@dataclass(frozen=True, kw_only=True)
 class Problem(abc.ABC):
-    """A boundary-value problem; a frozen dataclass of what may be chosen in it.
+    """A boundary-value problem, with what may be chosen in each of them.
+
+    Parameters
+    ----------
+    cycles : a key of `CYCLES`
+    confinement : pressure on the free boundaries, Pa, constant or random; its first value is the
+        isotropic stress at the start. By default 100 kPa for a model that is defined under
+        compression only, and none for any other, as in the thesis.
+    end_strain : driving strain at the end
+    speed : of the drive, m/s
 
     Attributes
     ----------
@@ -24,18 +51,52 @@ class Problem(abc.ABC):
     title : for people
     drive : what the driving displacement is
     reaction : what the force conjugate to it is
+    length : what the driving displacement is divided by to be the driving strain
     meshes : makers of its meshes by name
     default_mesh : a key of `meshes`
     b_bar : whether volumetric strains are averaged over elements
+    choices : names that a text choice of its own may have, by field
+
+    Raises
+    ------
+    ConfigurationError
+        If a choice is unknown or a number out of range.
     """
 
     name: ClassVar[str]
     title: ClassVar[str]
     drive: ClassVar[str]
     reaction: ClassVar[str]
+    length: ClassVar[str]
     meshes: ClassVar[Mapping[str, Callable[[], PlaneMesh]]]
-    default_mesh: ClassVar[str]
+    default_mesh: ClassVar[str] = "medium"
     b_bar: ClassVar[bool] = False
+    choices: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+
+    cycles: str = "monotonic"
+    confinement: float | RandomConfinement | None = None
+    end_strain: float = 0.1
+    speed: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name, known in {"cycles": tuple(CYCLES), **self.choices}.items():
+            if getattr(self, name) not in known:
+                raise ConfigurationError(
+                    f"{self.name}: {name} cannot be {getattr(self, name)!r}; choose "
+                    f"{' or '.join(known)}"
+                )
+        for name, largest in (("end_strain", 1.0), ("speed", math.inf)):
+            value = getattr(self, name)
+            if not (0.0 < value < largest):
+                raise ConfigurationError(
+                    f"{self.name}: {name} is {value:g}; give one above 0"
+                    + (f" and below {largest:g}" if largest < math.inf else ", in m/s")
+                )
+        given = 0.0 if isinstance(self.confinement, RandomConfinement) else self.confinement
+        if given is not None and not 0.0 <= given < math.inf:
+            raise ConfigurationError(
+                f"{self.name}: a confinement of {given:g} Pa is no pressure; give 0 or more"
+            )
 
     @property
     @abc.abstractmethod
@@ -46,14 +107,46 @@ class Problem(abc.ABC):
     def loading(self, mesh: PlaneMesh) -> Loading:
         """What is done to the body, by the names of the mesh's boundaries."""
 
-    @abc.abstractmethod
-    def initial_stress(self, positions: Floats) -> Floats:
+    def initial_stress(self, positions: Floats, density: float) -> Floats:
         """Stress (3, point), Pa, at the start; in equilibrium with the loads at time 0.
 
         Parameters
         ----------
         positions : (point, direction), m
+        density : kg/m3, of the weight
         """
+        return np.outer((1.0, 1.0, 0.0), np.full(len(positions), self.initial_pressure))
+
+    def confined_for(self, cell: MaterialCell) -> Self:
+        """The problem with the confinement that it has by default for a cell, if none is chosen."""
+        if self.confinement is not None:
+            return self
+        dependent = getattr(cell, "pressure_dependent", False)
+        return replace(self, confinement=CONFINEMENT if dependent else 0.0)
+
+    @property
+    def initial_pressure(self) -> float:
+        """Confinement at the start, Pa."""
+        if isinstance(self.confinement, RandomConfinement):
+            return self.confinement.mean
+        return self.confinement or 0.0
+
+    def drive_history(self) -> LoadingHistory:
+        """The driving displacement, m."""
+        end = self.drive_length * self.end_strain
+        turns = [end * share for share in (*CYCLES[self.cycles], 1.0)]
+        return LoadingHistory.through(turns, self.speed)
+
+    def pressures(self, *boundaries: str) -> tuple[Pressure, ...]:
+        """The confinement on some boundaries; nothing where it is zero."""
+        if self.initial_pressure == 0.0:
+            return ()
+        if isinstance(self.confinement, RandomConfinement):
+            x, pressure = self.confinement.pressures()
+            history = LoadingHistory(tuple(self.drive_history().end * x), tuple(pressure))
+        else:
+            history = LoadingHistory.constant(self.initial_pressure)
+        return tuple(Pressure(boundary, history) for boundary in boundaries)
 
     def mesh(self, name: str | None = None) -> PlaneMesh:
         """A mesh by name, or the default one.
@@ -82,4 +175,4 @@ class Problem(abc.ABC):
 
     def configuration(self) -> dict[str, object]:
         """What was chosen, for a file's attributes."""
-        return asdict(self)  # type: ignore[call-overload]  # the subclasses are dataclasses
+        return asdict(self)

@@ -1,0 +1,261 @@
+"""`granbench fem`: a boundary-value problem with any model at its Gauss points."""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from granbench.cli.drive import start_scalars
+from granbench.cli.termination import stopped_by_sigterm
+from granbench.errors import AnalysisError, ConfigurationError
+
+if TYPE_CHECKING:
+    from granbench.cell import MaterialCell
+    from granbench.fem import Analysis, ExplicitSettings, ImplicitSettings, Problem
+
+EXPLICIT_ONLY = ("damping", "safety", "time_step", "modulus")
+IMPLICIT_ONLY = ("scheme",)
+
+
+def fem(
+    problem: Annotated[
+        str,
+        typer.Argument(
+            help="biaxial, retaining-wall, strip-footing, dog-bone or perforated-plate."
+        ),
+    ],
+    cell: Annotated[
+        str,
+        typer.Option(
+            "--cell",
+            metavar="MODEL",
+            help="Classical model such as j2 or its parameter file, baseline, folder of a trained "
+            "model, or package.module:factory of a cell.",
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="netCDF file (.nc) to write.")],
+    solver: Annotated[str, typer.Option("--solver", help="explicit or implicit.")] = "explicit",
+    mesh: Annotated[
+        str | None, typer.Option("--mesh", help="coarse, medium, fine, or another of the problem.")
+    ] = None,
+    choose: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--choose",
+            metavar="NAME=VALUE",
+            help="A choice of the problem, as cycles=cyclic, end_strain=0.05, ends=smooth or "
+            "confinement=random:3:1 (v_c and seed).",
+        ),
+    ] = None,
+    params: Annotated[
+        Path | None, typer.Option("--params", help="Parameters (JSON) as `granbench fit` writes.")
+    ] = None,
+    parameter_set: Annotated[
+        str | None, typer.Option("--set", help="Published parameters of a classical model.")
+    ] = None,
+    ocr: Annotated[
+        float | None, typer.Option("--ocr", help="Overconsolidation ratio at the start.")
+    ] = None,
+    e0: Annotated[float | None, typer.Option("--e0", help="Void ratio at the start.")] = None,
+    start: Annotated[
+        list[str] | None,
+        typer.Option("--start", metavar="NAME=VALUE", help="Else known, as grading_index=1.06."),
+    ] = None,
+    outputs: Annotated[
+        int | None, typer.Option("--outputs", help="Output steps; implicit: load steps. 100.")
+    ] = None,
+    damping: Annotated[
+        float | None, typer.Option("--damping", help="gamma of the explicit solver; 1.")
+    ] = None,
+    time_step: Annotated[
+        float | None, typer.Option("--time-step", metavar="SECONDS", help="Explicit; by Eq 5.8.")
+    ] = None,
+    safety: Annotated[
+        float | None, typer.Option("--safety", help="Of the explicit time step; 0.2.")
+    ] = None,
+    modulus: Annotated[
+        float | None,
+        typer.Option("--modulus", metavar="PA", help="For the time step, not that of the model."),
+    ] = None,
+    scheme: Annotated[
+        str | None,
+        typer.Option("--scheme", help="Implicit: newton, restart or initial-stiffness."),
+    ] = None,
+    task: Annotated[
+        str, typer.Option("--task", help="Dataset that a baseline without training is fitted to.")
+    ] = "gp-j2-mini",
+    vtu: Annotated[
+        Path | None, typer.Option("--vtu", metavar="DIR", help="Folder for a ParaView series.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="Picture to draw as well (.png, .pdf or .svg).")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print JSON instead of a sentence.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
+) -> None:
+    """Analyse a boundary-value problem with a model, and write all that happened in it."""
+    _check_targets(out, vtu, plot)
+    from granbench.fem.problems import chosen_from_text
+
+    chosen = chosen_from_text(problem, choose or ())
+    settings = _settings(
+        chosen, solver, damping=damping, time_step=time_step, safety=safety, modulus=modulus,
+        scheme=scheme, outputs=outputs,
+    )  # fmt: skip
+    chosen.mesh(mesh)  # an unknown one is said before a model is made
+
+    import torch
+
+    from granbench.driven_model import ModelChoice
+    from granbench.fem import run
+
+    # Threads that wait for each other cost more than they do, at some hundred points.
+    torch.set_num_threads(1)
+    made = ModelChoice(cell, parameter_set, params, task).cell("plane")
+    scalars = start_scalars(e0, ocr, start)
+    _refuse_unused(scalars, made, chosen)
+    with stopped_by_sigterm(), _bar(made.name, quiet or as_json) as advance:
+        analysis = run(chosen, made, solver=settings, mesh=mesh, scalars=scalars, on_step=advance)
+        analysis.write(out)
+        _end(analysis, out)
+    series = _write_pictures(analysis, vtu, plot)
+    if as_json:
+        typer.echo(json.dumps(_summary(analysis, out, series, plot), indent=2))
+    elif not quiet:
+        typer.echo(_sentence(analysis, out))
+
+
+def _check_targets(out: Path, vtu: Path | None, plot: Path | None) -> None:
+    """Refuse files that cannot be written before anything is computed."""
+    if out.suffix != ".nc":
+        raise ConfigurationError(f"--out {out}: an analysis is a netCDF file; end its name in .nc")
+    if out.is_dir():
+        raise ConfigurationError(f"--out {out} is a folder; name a file in it")
+    if vtu is not None and vtu.exists() and not vtu.is_dir():
+        raise ConfigurationError(f"--vtu {vtu} is a file; give a folder for the series")
+    if plot is not None:
+        from granbench.plotting.style import figure_format
+
+        figure_format(plot)
+
+
+def _settings(
+    problem: "Problem", solver: str, *, outputs: int | None, **options: Any
+) -> "ExplicitSettings | ImplicitSettings":
+    """Settings of the solver; options of the other one are refused."""
+    from granbench.fem.analysis import settings_for
+
+    settings = settings_for(problem, solver)
+    given = {name: value for name, value in options.items() if value is not None}
+    foreign = IMPLICIT_ONLY if solver == "explicit" else EXPLICIT_ONLY
+    for name in given:
+        if name in foreign:
+            raise ConfigurationError(
+                f"--{name.replace('_', '-')} is not of the {solver} solver; leave it out"
+            )
+    if outputs is not None:
+        if outputs < 1:
+            raise ConfigurationError(f"--outputs {outputs}: give 1 or more")
+        given["outputs" if solver == "explicit" else "steps"] = outputs
+    return replace(settings, **given)
+
+
+def _refuse_unused(scalars: dict[str, float], cell: "MaterialCell", problem: "Problem") -> None:
+    """Refuse what the model makes no use of: it would be believed to count."""
+    from granbench.driven_model import Start
+
+    if scalars:
+        pressure = problem.confined_for(cell).initial_pressure or None
+        Start(pressure, scalars).state(cell)
+
+
+def _end(analysis: "Analysis", out: Path) -> None:
+    """Say what is kept of an analysis that ended early, and raise why it did."""
+    reason = analysis.failure
+    if reason is None:
+        return
+    sizes = analysis.dataset.sizes
+    last = f"the output up to driving strain {float(analysis.dataset['driving_strain'][-1]):.4g}"
+    kept = f"{out} holds {last} ({sizes['step']} steps)"
+    if isinstance(reason, AnalysisError):
+        raise AnalysisError(f"{reason}; {kept}") from reason
+    typer.echo(kept, err=True)
+    raise reason
+
+
+def _write_pictures(analysis: "Analysis", vtu: Path | None, plot: Path | None) -> Path | None:
+    index = None
+    if vtu is not None:
+        from granbench.fem.vtu import write_series
+
+        index = write_series(analysis.dataset, vtu)
+    if plot is not None:
+        from granbench.plotting.fem import analysis_figure
+        from granbench.plotting.style import save_figure
+
+        save_figure(analysis_figure(analysis.dataset), plot)
+    return index
+
+
+def _summary(
+    analysis: "Analysis", out: Path, series: Path | None, plot: Path | None
+) -> dict[str, object]:
+    """What a program wants to know."""
+    found = analysis.dataset
+    attributes = found.attrs
+    last = found.isel(step=-1)
+    summary: dict[str, object] = {
+        **{name: attributes[name] for name in ("problem", "cell", "solver", "mesh")},
+        "choices": json.loads(attributes["choices"]),
+        "settings": json.loads(attributes["settings"]),
+        "gauss_points": found.sizes["point"],
+        "nodes": found.sizes["node"],
+        "output_steps": found.sizes["step"] - 1,
+        "driving_strain": float(last["driving_strain"]),
+        "reaction": float(last["reaction"]),
+        "largest_reaction": float(found["reaction"].max()),
+        "volumetric_strain": float(last["volumetric_strain"]),
+        "energy_error": float(abs(found["energy_error"]).max()),
+        "cell_seconds": float(last["cell_seconds"]),
+        "solver_seconds": float(last["solver_seconds"]),
+    }
+    if "iterations" in found:
+        summary["iterations"] = int(found["iterations"].sum())
+    else:
+        summary["maximum_acceleration"] = float(found["maximum_acceleration"].max())
+    files = {"out": out, "vtu": series, "plot": plot}
+    return summary | {name: None if file is None else str(file) for name, file in files.items()}
+
+
+def _sentence(analysis: "Analysis", out: Path) -> str:
+    found = analysis.dataset
+    last = found.isel(step=-1)
+    cell_seconds = float(last["cell_seconds"])
+    seconds = cell_seconds + float(last["solver_seconds"])
+    return (
+        f"{out}: {found.attrs['problem']} with {found.attrs['cell']}, {found.attrs['solver']}, "
+        f"{found.sizes['point']} Gauss points, {seconds:.3g} s ({cell_seconds:.3g} s in the "
+        f"model); reaction at the end {float(last['reaction']) / 1e3:.4g} kN/m, largest "
+        f"{float(found['reaction'].max()) / 1e3:.4g} kN/m; volumetric strain "
+        f"{100.0 * float(last['volumetric_strain']):.3g} %"
+    )
+
+
+@contextmanager
+def _bar(name: str, hidden: bool) -> Iterator[Callable[[int, int], None]]:
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    )  # fmt: skip
+    hidden = hidden or not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
+        job = progress.add_task(f"steps with {name}", total=None)
+        yield lambda step, steps: progress.update(job, completed=step, total=steps)

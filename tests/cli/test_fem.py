@@ -1,0 +1,227 @@
+"""`granbench fem`: from a problem's and a model's name to a file, or one sentence."""
+
+import json
+import signal
+import sys
+
+import meshio
+import numpy as np
+import pytest
+import xarray as xr
+
+from granbench.cli import main
+from granbench.fem import ExplicitSettings, find_problem, run
+from granbench.models import MODELS
+
+MODULE = """
+import os, signal
+import torch
+from granbench.cell import ModuleCell
+
+class Hooke(torch.nn.Module):
+    def forward(self, dstrain, stress):
+        volume = dstrain[:, :2].sum(dim=1, keepdim=True) * torch.tensor([1.0, 1.0, 0.0])
+        return stress + 2e6 * volume + 4e6 * dstrain
+
+class Breaks(Hooke):
+    calls = 0
+    def forward(self, dstrain, stress):
+        stress = super().forward(dstrain, stress)
+        return torch.where(stress[:, 1:2] > 4e4, torch.nan, stress)
+
+class Signals(Hooke):
+    number, calls = signal.SIGINT, 0
+    def forward(self, dstrain, stress):
+        self.calls += 1
+        if self.calls == 200:
+            signal.raise_signal(self.number)
+        return super().forward(dstrain, stress)
+
+class Terminates(Signals):
+    number = signal.SIGTERM
+
+def of(module, order="plane"):
+    return lambda: ModuleCell(module(), name=module.__name__.lower(), order=order)
+
+hooke, breaks, signals, terminates = map(of, (Hooke, Breaks, Signals, Terminates))
+solid = of(Hooke, "full")
+"""
+
+
+@pytest.fixture
+def fem(capsys, monkeypatch, tmp_path):
+    """Run `granbench fem` in a folder of its own; gives exit code, output and error."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delitem(sys.modules, "own", raising=False)
+    (tmp_path / "own.py").write_text(MODULE)
+
+    def run(*words):
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as left:
+            main(["fem", *map(str, words)])
+        captured = capsys.readouterr()
+        return left.value.code, captured.out, captured.err
+
+    return run
+
+
+def refused(result, *parts):
+    code, out, err = result
+    assert (code, out) == (2, ""), err
+    assert err.startswith("error: ") and err.count("\n") == 1, err
+    for part in parts:
+        assert part in err, err
+
+
+COARSE = ("--mesh", "coarse", "--choose", "end_strain=0.01")
+
+
+def test_file_holds_what_python_computes(fem):
+    words = ("--cell", "ime", "--out", "a.nc", "--outputs", 10, "--choose", "ends=smooth")
+    code, out, err = fem("biaxial", *words, *COARSE)
+    assert code == 0 and out.startswith("a.nc: biaxial with ime, explicit, 32 Gauss points"), err
+    problem = find_problem("biaxial", ends="smooth", end_strain=0.01)
+    settings = ExplicitSettings(outputs=10)
+    expected = run(problem, MODELS["ime"](), solver=settings, mesh="coarse").check()
+    with xr.open_dataset("a.nc") as found:
+        assert found.sizes["step"] == 11
+        np.testing.assert_array_equal(found["reaction"], expected["reaction"])
+        assert json.loads(found.attrs["choices"])["ends"] == "smooth"
+        names = {"reaction", "volumetric_strain", "maximum_acceleration", "cell_seconds", "stress"}
+        assert names <= set(found.data_vars)
+
+
+def test_implicit_solver_says_its_iterations_as_json(fem):
+    words = ("--cell", "own:hooke", "--solver", "implicit", "--outputs", 4, "--out", "a.nc")
+    code, out, err = fem("strip-footing", *words, "--json", *COARSE)
+    assert code == 0, err
+    found = json.loads(out)
+    assert (found["problem"], found["cell"]) == ("strip-footing", "hooke")
+    assert found["output_steps"] == 4
+    assert found["iterations"] >= 1
+    assert found["reaction"] == found["largest_reaction"] > 0.0
+    assert found["choices"]["end_strain"] == 0.01
+    assert found["out"] == "a.nc"
+
+
+@pytest.mark.parametrize("problem", ["dog-bone", "retaining-wall"])
+def test_series_for_paraview_and_picture(fem, tmp_path, problem):
+    words = ("--cell", "ime", "--out", "a.nc", "--vtu", "series", "--plot", "a.png")
+    settings = ("--solver", "implicit", "--outputs", 2, "--mesh", "coarse")
+    code, _, err = fem(problem, *words, *settings, "--choose", "end_strain=0.002")
+    assert code == 0, err
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    index = (tmp_path / "series" / f"{problem}.pvd").read_text()
+    assert index.count("<DataSet ") == 3
+    last = meshio.read(tmp_path / "series" / f"{problem}-0002.vtu")
+    with xr.open_dataset("a.nc") as found:
+        moved = found["displacement"].values[-1]
+        np.testing.assert_allclose(last.point_data["displacement"][:, :2], moved)
+        np.testing.assert_allclose(last.points[:, :2], found["node_position"])
+        means = found["stress"].values[-1, :, 1].reshape(found.sizes["element"], -1)
+        by_volume = found["point_volume"].values.reshape(means.shape)
+        expected = (means * by_volume).sum(axis=1) / by_volume.sum(axis=1)
+        np.testing.assert_allclose(last.cell_data["stress_yy"][0], expected)
+    assert "plastic_strain_xx" in last.cell_data
+
+
+def test_point_without_stress_is_named_and_the_output_before_it_kept(fem):
+    result = fem("biaxial", "--cell", "own:breaks", "--out", "a.nc", "--mesh", "coarse")
+    refused(
+        result, "breaks gives no finite stress at Gauss point", "in step", "where the strain",
+        "a.nc holds the output up to driving strain 0.00",
+    )  # fmt: skip
+    with xr.open_dataset("a.nc") as found:
+        assert found.attrs["completed"] == 0
+        assert found.attrs["failed_step"] > 0
+        assert 1 < found.sizes["step"] < 101
+        assert np.isfinite(found["stress"]).all()
+
+
+@pytest.mark.parametrize(("cell", "code"), [("own:signals", 130), ("own:terminates", 143)])
+def test_interrupted_run_keeps_its_output_so_far(fem, cell, code):
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+    left, out, err = fem("biaxial", "--cell", cell, "--out", "a.nc", "--mesh", "coarse")
+    assert (left, out) == (code, ""), err
+    assert err.startswith("a.nc holds the output up to driving strain")
+    with xr.open_dataset("a.nc") as found:
+        assert found.attrs["completed"] == 0
+        assert 1 < found.sizes["step"] < 101
+    assert before == (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM))
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (("biaxal", "--cell", "j2"), ["unknown problem 'biaxal': did you mean 'biaxial'?"]),
+        (("biaxial", "--cell", "j3"), ["unknown model 'j3'"]),
+        (("biaxial", "--cell", "j2", "--mesh", "fin"), ["no mesh 'fin': did you mean 'fine'?"]),
+        (("biaxial", "--cell", "j2", "--solver", "exact"), ["there are explicit and implicit"]),
+        (("biaxial", "--cell", "own:solid"), ["has 6 full components", "needs xx, yy, xy"]),
+        (("biaxial", "--cell", "j2", "--time-step", "0.1"), ["is unstable", "one below"]),
+        (("biaxial", "--cell", "j2", "--scheme", "newton"), ["--scheme is not of the explicit"]),
+        (
+            ("biaxial", "--cell", "j2", "--solver", "implicit", "--time-step", "1e-4"),
+            ["--time-step is not of the implicit solver; leave it out"],
+        ),
+        (("biaxial", "--cell", "j2", "--outputs", "0"), ["--outputs 0: give 1 or more"]),
+        (("biaxial", "--cell", "j2", "--damping", "-1"), ["damping is -1; give 0 or more"]),
+        (("biaxial", "--cell", "j2", "--choose", "cyclic"), ["give NAME=VALUE, as cycles=cyclic"]),
+        (("biaxial", "--cell", "j2", "--choose", "cycles=many"), ["choose monotonic or cyclic"]),
+        (("biaxial", "--cell", "j2", "--choose", "speed=fast"), ["speed=fast: give a number"]),
+        (("biaxial", "--cell", "j2", "--choose", "wall=rough"), ["no choice of 'wall'"]),
+        (("biaxial", "--cell", "j2", "--choose", "end_strain=10"), ["below 1"]),
+        (
+            ("biaxial", "--cell", "j2", "--choose", "confinement=random:x"),
+            ["give a number, in Pa, or random:V_C:SEED"],
+        ),
+        (("retaining-wall", "--cell", "j2", "--choose", "weight=5"), ["weight=5: give one of"]),
+        (("biaxial", "--cell", "csuh", "--choose", "confinement=0"), ["p0 above zero"]),
+        (("biaxial", "--cell", "csuh", "--e0", "3"), ["void ratio of 3.0000", "loosest"]),
+        (("biaxial", "--cell", "j2", "--ocr", "3"), ["--ocr is given, but j2 makes no use of it"]),
+        (("biaxial", "--cell", "persistence"), ["has no stiffness at the start", "modulus"]),
+    ],
+)  # fmt: skip
+def test_user_errors_are_one_sentence(fem, words, parts, tmp_path):
+    refused(fem(*words, "--out", "a.nc"), *parts)
+    assert not (tmp_path / "a.nc").exists()
+
+
+def test_targets_are_refused_before_anything_is_computed(fem, tmp_path):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "folder.nc").mkdir()
+    hooke = ("biaxial", "--cell", "own:hooke")
+    refused(fem(*hooke, "--out", "a.csv"), "--out a.csv", "end its name in .nc")
+    refused(fem(*hooke, "--out", "folder.nc"), "is a folder")
+    refused(fem(*hooke, "--out", "a.nc", "--vtu", "file"), "--vtu file is a file; give a folder")
+    refused(fem(*hooke, "--out", "a.nc", "--plot", "a.gif"), "a.gif", ".png, .pdf or .svg")
+    assert not (tmp_path / "a.nc").exists()
+
+
+def test_quiet_run_prints_nothing(fem):
+    words = ("--cell", "own:hooke", "--out", "a.nc", "--outputs", 2, "--quiet")
+    assert fem("perforated-plate", *words, *COARSE) == (0, "", "")
+
+
+def test_folder_of_a_trained_network_is_a_model(fem):
+    with pytest.raises(SystemExit) as left:
+        main(
+            ["train", "gru", "--task", "gp-j2-mini", "--epochs", "1", "--out", "trained", "--quiet"]
+        )
+    assert left.value.code == 0
+    words = ("--cell", "trained", "--out", "a.nc", "--outputs", 5)
+    code, out, err = fem("biaxial", *words, *COARSE)
+    assert code == 0 and "biaxial with gru, explicit" in out, err
+
+
+def test_parameter_file_is_a_model(fem, tmp_path):
+    from granbench.models.parameter_file import write_parameters
+
+    softer = MODELS["ime"]({"young_modulus": 10e6})
+    write_parameters(softer, tmp_path / "soft.json")
+    words = ("--outputs", 2, "--json", *COARSE)
+    reactions = [
+        json.loads(fem("biaxial", "--cell", cell, "--out", "a.nc", *words)[1])["reaction"]
+        for cell in ("ime", "soft.json")
+    ]
+    assert reactions[1] < 0.9 * reactions[0]
