@@ -28,15 +28,24 @@ class Balance:
         self.operators, self.points, self.free = operators, points, free
         self.pattern = StiffnessPattern(operators, free)
         self.external = self.internal = np.zeros(2 * operators.node_count)
-        self.scale, self.step = 0.0, 0
+        self.scale, self.reference, self.step = 0.0, 0.0, 0
 
     def aim_at(self, external: Floats, step: int) -> None:
-        """Set the external forces to be balanced, and the number of the load step."""
-        self.external, self.step = external, step
+        """Set the external forces to be balanced, and the number of the load step.
 
-    def enlarge_scale(self, *forces: Floats) -> None:
-        """Take nodal forces into the reference of residuals."""
-        self.scale = max(self.scale, *(float(np.linalg.norm(force)) for force in forces))
+        Residuals are relative to the largest nodal forces of what was kept, and of the first
+        increment that is tried; if those of every trial counted, one that is far out would make
+        the next ones look balanced.
+        """
+        self.external, self.step, self.reference = external, step, 0.0
+
+    def keep(self) -> None:
+        """Take the forces of the last answer into the reference of residuals, for good."""
+        self.scale = self._largest()
+
+    def _largest(self) -> float:
+        sizes = (float(np.linalg.norm(force)) for force in (self.internal, self.external))
+        return max(self.scale, *sizes)
 
     def residual(self, increment: Floats) -> tuple[Floats, float]:
         """Forces out of balance at the free displacements, and their size over the reference."""
@@ -55,9 +64,9 @@ class Balance:
 
     def _unbalanced(self, stress: Floats) -> tuple[Floats, float]:
         self.internal = self.operators.force @ stress
-        self.enlarge_scale(self.internal, self.external)
+        self.reference = self.reference or self._largest() or 1.0
         rest = (self.external - self.internal)[self.free]
-        return rest, float(np.linalg.norm(rest)) / (self.scale or 1.0)
+        return rest, float(np.linalg.norm(rest)) / self.reference
 
     def moved(self, increment: Floats, correction: Floats) -> Floats:
         """An increment with its free displacements corrected."""

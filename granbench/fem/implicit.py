@@ -87,7 +87,8 @@ class _March:
         self.last, self.last_move = np.zeros_like(self.displacement), 0.0
         self.internal = operators.force @ points.stress
         self.external = loading.external_force(loading.force_values(0.0))
-        self.balance.enlarge_scale(self.internal, self.external)
+        self.balance.internal, self.balance.external = self.internal, self.external
+        self.balance.keep()
         self.time = 0.0
         self.internal_work = self.external_work = 0.0
 
@@ -132,6 +133,7 @@ class _March:
     def _keep(self, increment: Floats, move: float, until: float) -> None:
         """Move on to the state of the last iteration."""
         self.points.accept()
+        self.balance.keep()
         internal, external = self.balance.internal, self.balance.external
         reaction = self.loading.reaction(self.internal, self.external)
         later = self.loading.reaction(internal, external)

@@ -37,6 +37,10 @@ HALVINGS = 4
 ARMIJO = 1e-4
 """Share of the error that a full Newton step takes off at least; a shorter one, in proportion."""
 
+FARTHEST = 2.0
+"""Times the largest displacement of the first increment: no correction moves a node farther. A
+nearly singular tangent sends nodes away by kilometres, where other balances exist."""
+
 ELASTIC_SHARES = (0.0, 1e-3, 0.1)
 """Of the stiffness at rest, added to the tangent. A body that flows as a whole without hardening
 has a singular tangent, of which a small share of elasticity makes the least motion."""
@@ -148,6 +152,7 @@ class Newton(Scheme):
         balance, increment = self.balance, guess
         rest, error, tangent = balance.linearised(increment)
         errors = [error]
+        self._farthest = FARTHEST * float(np.abs(guess).max())
         while error > self.settings.tolerance and len(errors) <= self.limit:
             found = self._improved(increment, rest, max(errors[-LOOK_BACK:]), tangent)
             if found is None:
@@ -174,6 +179,9 @@ class Newton(Scheme):
 
     def _along(self, increment: Floats, correction: Floats, ceiling: float) -> Linearised | None:
         """The longest of a few steps along a correction whose error stays under a ceiling."""
+        size = float(np.abs(correction).max(initial=0.0))
+        if size > self._farthest > 0.0:
+            correction = self._farthest / size * correction
         for halving in range(HALVINGS + 1):
             length = 0.5**halving
             trial = self.balance.moved(increment, length * correction)
