@@ -14,9 +14,10 @@ from granbench.cell import MaterialCell
 from granbench.driven_model import ModelChoice
 from granbench.element_test import ElementTest, Failure, run_test
 from granbench.errors import ConfigurationError
+from granbench.paths.answer_files import answer_records
 from granbench.paths.mixed_control import DIRECTIONS, MixedControl
 from granbench.paths.programme import Floats, LoadingProgramme
-from granbench.paths.strain_files import STRAIN, STRESS, PathTable, answer_records
+from granbench.paths.strain_files import STRAIN, STRESS, PathTable
 from granbench.plausible import LARGEST_STRAIN
 from granbench.tensors import COMPONENT_ORDERS, component_order, normal_mask
 
