@@ -170,7 +170,7 @@ def fit(
     """
     settings = settings or FitSettings()
     if not tests:
-        raise ConfigurationError("there is no test to fit; give one that is not left out")
+        raise ConfigurationError("there is no test to fit: take one from --leave-out")
     if cell.order != "principal":
         raise ConfigurationError(
             f"{cell.name} has {cell.order} components, laboratory tests principal ones; make the "
@@ -292,7 +292,7 @@ def _warnings(
         )
     best = int(minimum.cost.argmin())
     if not bool(minimum.converged[best]):
-        found.append("the search ended before it converged; allow more iterations")
+        found.append("the search ended before it converged; allow more with --iterations")
     stopped = [
         name
         for name, number in zip(space.names, vector.tolist(), strict=True)
