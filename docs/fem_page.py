@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from page_parts import table, with_parts, write_picture
 
 from granbench.fem import PROBLEMS, ExplicitSettings, ImplicitSettings, Problem, find_problem, run
+from granbench.fem.drawing import problem_figure
 from granbench.fem.operators import build_operators
 from granbench.fem.problems.problem import CYCLES
 from granbench.models import MODELS
 from granbench.plotting.fem import draw_body
-from granbench.plotting.fem_problem import problem_figure
 from granbench.plotting.style import (
     LINE_STYLES,
     MODEL_COLOURS,
