@@ -194,7 +194,7 @@ def _end(analysis: "Analysis", out: Path) -> None:
 def _write_pictures(analysis: "Analysis", vtu: Path | None, plot: Path | None) -> Path | None:
     index = None
     if vtu is not None:
-        from granbench.fem.vtu import write_series
+        from granbench.plotting.paraview import write_series
 
         index = write_series(analysis.dataset, vtu)
     if plot is not None:
