@@ -285,6 +285,11 @@ def _warnings(
     found, space = [], problem.space
     if not problem.can_start(torch.zeros_like(vector[None])).all():
         found.append("the model cannot start all tests with the first values; others were taken")
+    if space.cell.dimension == 2:
+        found.append(
+            f"{space.cell.name} was fitted in three dimensions; in the plane, as on the gp tasks "
+            "and in finite elements, the same parameters make another law"
+        )
     if lost := [name for name, known in identifiability.identifiable.items() if not known]:
         found.append(
             f"the tests do not identify {', '.join(lost)}: other values fit as well; fix "

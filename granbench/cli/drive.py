@@ -118,6 +118,8 @@ def drive(
         typer.echo(json.dumps(_summary(answer, cell, out, plot), indent=2))
     elif not quiet:
         typer.echo(_sentence(answer, cell, out))
+        if getattr(cell, "pressure_dependent", False) and (note := answer.tension()):
+            typer.echo(f"note: {note}")
 
 
 def _check_targets(out: Path, plot: Path | None) -> None:
