@@ -27,7 +27,10 @@ DESCRIPTIONS: Mapping[str, tuple[str, str]] = {
     "maximum_acceleration": ("m/s2", "largest nodal acceleration since the last output"),
     "kinetic_energy": ("J/m", "kinetic energy"),
     "internal_energy": ("J/m", "work of the stresses"),
-    "damping_work": ("J/m", "work that damping took away"),
+    "damping_work": (
+        "J/m",
+        "work of damping, which acts on the motion relative to the prescribed one",
+    ),
     "external_work": ("J/m", "work of reactions, loads and weight"),
     "energy_error": ("1", "energy that is missing, relative to the largest of the parts"),
     "iterations": ("1", "iterations of the load step, those of its pieces added up"),

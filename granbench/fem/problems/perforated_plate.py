@@ -82,7 +82,7 @@ class PerforatedPlate(Problem):
     meshes: ClassVar[Mapping[str, Callable[[], PlaneMesh]]] = {
         "coarse": partial(quarter_plate, 6, 5),
         "medium": partial(quarter_plate, 12, 9),
-        "fine": partial(quarter_plate, 20, 16),
+        "fine": partial(quarter_plate, 24, 18),
     }
 
     @property
