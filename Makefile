@@ -59,6 +59,7 @@ docs: setup
 	@$(BIN)/python docs/random_paths_page.py
 	@$(BIN)/python docs/model_pages.py
 	@$(BIN)/python docs/scoring_page.py
+	@$(BIN)/python docs/fem_page.py
 	@$(BIN)/python docs/docs_index.py
 
 # Generates the core dataset anew: about two hours on two cores. Run it again after an

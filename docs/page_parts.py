@@ -50,10 +50,10 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def write_picture(figure: Figure, path: Path) -> Path:
+def write_picture(figure: Figure, path: Path, colours: int = COLOURS) -> Path:
     """Write a figure as PNG with a palette; the same figure always gives the same bytes."""
     save_figure(figure, path)
     with Image.open(path) as picture:
-        small = picture.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+        small = picture.convert("RGB").quantize(colours, dither=Image.Dither.NONE)
     small.save(path, optimize=True)
     return path

@@ -15,6 +15,9 @@ from granbench.plotting.style import figure_grid, house_style, model_styles
 SHADES = "cividis"
 """Its lightness rises evenly: it reads in grey."""
 
+SLENDER = 0.3
+"""Width over height below which only the middle gets a tick."""
+
 EDGE: dict[str, Any] = {"edgecolor": "0.35", "linewidth": 0.3}
 
 
@@ -67,9 +70,24 @@ def draw_body(axis: Axes, dataset: xr.Dataset, step: int = -1, *, bar: bool = Tr
     axis.add_collection(faces)
     axis.autoscale()
     axis.set(aspect="equal", xlabel="$x$ [m]", ylabel="$y$ [m]")
-    axis.grid(visible=False)
+    tame_ticks(axis, dataset["node_position"].values)
     if bar and axis.figure is not None:
         axis.figure.colorbar(faces, ax=axis, label=r"$\varepsilon_1 - \varepsilon_3$ [%]")
+
+
+def tame_ticks(axis: Axes, nodes: NDArray[np.float64]) -> None:
+    """No grid over a body, and so few ticks that those of a slender one do not overlap.
+
+    Parameters
+    ----------
+    axis : on which a body is drawn to scale
+    nodes : of the body, (node, direction), m
+    """
+    axis.grid(visible=False)
+    axis.locator_params(axis="x", nbins=3)
+    width, height = np.ptp(nodes, axis=0)
+    if width < SLENDER * height:
+        axis.set_xticks([0.0])
 
 
 def outlines(dataset: xr.Dataset, step: int = -1) -> NDArray[np.float64]:
