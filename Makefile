@@ -36,8 +36,9 @@ browser:
 demo: setup
 	@PATH="$(abspath $(BIN)):$$PATH" bash docs/examples/demo.sh $(OUT)
 
+# Two processes, each with whole files of tests, so that what a file sets up is set up once.
 test: setup browser
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
 slow: setup browser
 	$(BIN)/python -m pytest -m slow

@@ -42,7 +42,8 @@ def check_records(records: xr.Dataset) -> None:
     if labels != COMPONENT_ORDERS["principal"]:
         raise ModelError(
             f"{name}: the recurrent baselines work on principal components "
-            f"{', '.join(COMPONENT_ORDERS['principal'])}, but it has {', '.join(labels)}"
+            f"{', '.join(COMPONENT_ORDERS['principal'])}, but it has {', '.join(labels)}; "
+            "train gru on it, or give a --task such as dem-triaxial"
         )
     for variable in ("void_ratio", "grading_index"):
         if variable not in records.variables:

@@ -6,7 +6,6 @@ knows none of them. What else a user may name as a model is known to `granbench.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Protocol
@@ -14,7 +13,7 @@ from typing import Protocol
 import xarray as xr
 
 from granbench.cell import MaterialCell
-from granbench.errors import ModelError
+from granbench.errors import ModelError, alternatives
 
 ENTRY_POINTS = "granbench.baselines"
 DESCRIPTION_FILE = "model.json"
@@ -135,7 +134,4 @@ def find_baseline(name: str) -> Baseline:
     for point in entry_points(group=ENTRY_POINTS):
         if point.name == name:
             return point.load()
-    names = baseline_names()
-    near = get_close_matches(name, names, n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
-    raise ModelError(f"unknown baseline {name!r}: {hint}there are {', '.join(names)}")
+    raise ModelError(f"unknown baseline {name!r}: {alternatives(name, baseline_names())}")

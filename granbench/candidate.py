@@ -15,9 +15,9 @@ from typing import Any
 
 import xarray as xr
 
-from granbench.baseline import DESCRIPTION_FILE, Baseline, find_baseline
+from granbench.baseline import DESCRIPTION_FILE, Baseline, baseline_names, find_baseline
 from granbench.cell import MaterialCell
-from granbench.errors import ConfigurationError, GranbenchError, ModelError
+from granbench.errors import ConfigurationError, GranbenchError, ModelError, alternatives
 from granbench.models import MODELS
 from granbench.tensors import component_order
 
@@ -93,16 +93,29 @@ def find_candidate(
     if not folders and (Path(model) / DESCRIPTION_FILE).is_file():
         folders = [Path(model)]
         model = _architecture(folders[0])
-    if folders:
-        return registered_candidate(model, records, folders=folders, seeds=seeds)
     if model in MODELS or (Path(model).suffix == ".json" and Path(model).is_file()):
+        if folders:
+            raise ConfigurationError(f"{model} needs no training; leave out --model-dir")
         return _closed_form(model, records, seeds)
-    if Path(model).exists():
+    if not folders and Path(model).exists():
         raise ModelError(
             f"{Path(model)}: holds no {DESCRIPTION_FILE}; give the folder that `granbench train` "
             "wrote"
         )
-    return registered_candidate(model, records, seeds=seeds)
+    if not folders and model not in baseline_names():
+        raise ModelError(unknown_model(model))
+    return registered_candidate(model, records, folders=folders, seeds=seeds)
+
+
+def unknown_model(name: str) -> str:
+    """What to say of a name that is no model's: one like it, or all that there are."""
+    if Path(name).suffix == ".json":
+        return f"there is no parameter file {name}; check the name"
+    known = [*MODELS, *baseline_names()]
+    return (
+        f"unknown model {name!r}: {alternatives(name, known)}, parameter files, folders of "
+        "trained models, and package.module:factory"
+    )
 
 
 def registered_candidate(

@@ -3,14 +3,13 @@
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
 from granbench.baseline import baseline_names
-from granbench.candidate import find_candidate
+from granbench.candidate import find_candidate, unknown_model
 from granbench.cell import Conditions, MaterialCell
 from granbench.data.verification import task_file
 from granbench.errors import ConfigurationError, ModelError
@@ -55,12 +54,7 @@ class ModelChoice:
     def __post_init__(self) -> None:
         known = [*MODELS, *baseline_names()]
         if not (":" in self.name or Path(self.name).exists() or self.name in known):
-            near = get_close_matches(self.name, known, n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
-            raise ModelError(
-                f"unknown model {self.name!r}: {hint}there are {', '.join(known)}, parameter "
-                "files, folders of trained models, and package.module:factory"
-            )
+            raise ModelError(unknown_model(self.name))
         given = {"--set": self.parameter_set, "--params": self.parameter_file}
         options = [option for option, value in given.items() if value is not None]
         if len(options) > 1:

@@ -1,5 +1,8 @@
 """Errors that a user can cause; each text names the file, the field and the remedy."""
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 
 class GranbenchError(Exception):
     """Base of every error that a user can mend; the CLI prints its text and exits with 2."""
@@ -35,3 +38,11 @@ class ModelError(GranbenchError):
 
 class SubmissionError(GranbenchError):
     """A leaderboard submission that cannot be accepted."""
+
+
+def alternatives(name: str, known: Iterable[str]) -> str:
+    """What there is in place of a name: ``did you mean 'csuh'? there are j2, csuh``."""
+    names = list(known)
+    near = get_close_matches(name, names, n=1)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    return f"{hint}there are {', '.join(names) or 'none'}"

@@ -1,6 +1,6 @@
 """Tables of the physics and cost axes: what a model violates, and what it costs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from markupsafe import Markup
 
@@ -13,50 +13,56 @@ from granbench.scoring import Score
 from granbench.scoring.cost import COST_METRICS
 from granbench.scoring.scorecard import ALL
 
+Found = dict[tuple[str, str], Score]
+"""Scores of a submission by protocol and metric."""
+
 
 def physics_table(submissions: Sequence[Submission], split: str) -> Table | None:
     """Worst violation of every check, with the share of paths beyond the tolerance.
 
     None where no model was evaluated on the axis.
     """
-    found = [_of_axis(submission, PHYSICS, split) for submission in submissions]
-    if not any(found):
+    rows = _rows(
+        submissions,
+        [_of_axis(submission, PHYSICS, split) for submission in submissions],
+        lambda scores: tuple(_violation(check, scores) for check in CHECKS.values()),
+    )
+    if not rows:
         return None
-    styles = model_styles(submission.name for submission in submissions)
-    rows = [
-        TableRow(
-            submission.name,
-            styles[submission.name].colour,
-            submission,
-            tuple(_violation(check, scores) for check in CHECKS.values()),
-        )
-        for submission, scores in zip(submissions, found, strict=True)
-    ]
     titles = tuple(check.title for check in CHECKS.values())
     return Table(split, "violation_worst", "Physics", titles, ordered(rows, 0), 0)
 
 
 def cost_table(submissions: Sequence[Submission]) -> Table | None:
     """Parameters and times; None where no model was evaluated on the axis."""
-    found = [_of_axis(submission, COST, ALL) for submission in submissions]
-    if not any(found):
+    rows = _rows(
+        submissions,
+        [_of_axis(submission, COST, ALL) for submission in submissions],
+        lambda scores: tuple(_cost(scores.get((COST, metric.name))) for metric in COST_METRICS),
+    )
+    if not rows:
         return None
-    styles = model_styles(submission.name for submission in submissions)
-    rows = [
-        TableRow(
-            submission.name,
-            styles[submission.name].colour,
-            submission,
-            tuple(_cost(scores.get((COST, metric.name))) for metric in COST_METRICS),
-        )
-        for submission, scores in zip(submissions, found, strict=True)
-    ]
     titles = tuple(metric.title for metric in COST_METRICS)
     timed = next(i for i, metric in enumerate(COST_METRICS) if metric.points)
     return Table(ALL, "cost", "Cost", titles, ordered(rows, timed), timed)
 
 
-def _of_axis(submission: Submission, axis: str, split: str) -> dict[tuple[str, str], Score]:
+def _rows(
+    submissions: Sequence[Submission],
+    found: Sequence[Found],
+    cells: Callable[[Found], tuple[Cell, ...]],
+) -> list[TableRow]:
+    """A row for each submission, of what was found of it; none where that is nothing at all."""
+    if not any(found):
+        return []
+    styles = model_styles(submission.name for submission in submissions)
+    return [
+        TableRow(submission.name, styles[submission.name].colour, submission, cells(scores))
+        for submission, scores in zip(submissions, found, strict=True)
+    ]
+
+
+def _of_axis(submission: Submission, axis: str, split: str) -> Found:
     """Scores of an axis by protocol and metric; empty where it was left out."""
     return {
         (score.protocol, score.metric): score
@@ -66,7 +72,7 @@ def _of_axis(submission: Submission, axis: str, split: str) -> dict[tuple[str, s
     }
 
 
-def _violation(check: Check, scores: dict[tuple[str, str], Score]) -> Cell:
+def _violation(check: Check, scores: Found) -> Cell:
     worst = scores.get((check.name, "violation_worst"))
     beyond = scores.get((check.name, "violated_share"))
     if worst is None or beyond is None:

@@ -150,7 +150,7 @@ LAYERS = (
     ("plotting", "paths"),
     ("data",),
     ("models",),
-    ("element_test", "stress_control"),
+    ("element_test", "stress_control", "difference_tangent"),
     ("fem",),
     ("scoring",),
     ("protocols", "candidate"),

@@ -13,7 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from granbench.errors import ConfigurationError
+from granbench.errors import ConfigurationError, alternatives
 from granbench.models import ClassicalCell
 from granbench.models.parameters import Parameter
 
@@ -44,8 +44,8 @@ class ParameterSpace:
         for name in free or ():
             if name not in table:
                 raise ConfigurationError(
-                    f"--free {name}: {cell.name} has no parameter {name!r} to fit; there are "
-                    f"{', '.join(table)}"
+                    f"--free {name}: {cell.name} has no parameter {name!r} to fit; "
+                    f"{alternatives(name, table)}"
                 )
         names = tuple(name for name in table if free is None or name in free)
         if not names:

@@ -1,6 +1,7 @@
 """`granbench drive`: take a model through an element test or along a path of one's own."""
 
 import json
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from granbench.cli.options import refuse_overwriting
+from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -192,6 +193,8 @@ class _Asked:
                 else "there is nothing to follow; give --control NAME, or --path FILE with strains"
             )
         test = find_test(self.control)
+        if self.b is not None and not 0.0 <= self.b <= 1.0:
+            raise ConfigurationError(f"--b {self.b:g} must lie in [0, 1]")
         if table is None:
             corners = _numbers("--turning-points", self.turning_points)
             end = DEFAULT_STRAIN if self.strain is None else self.strain
@@ -234,30 +237,35 @@ class _Asked:
 
 
 def _check_targets(out: Path, plot: Path | None) -> None:
-    """Refuse files of a kind that is not written before anything is computed."""
+    """Refuse files that cannot be written before anything is computed."""
     from granbench.plotting.style import figure_format
 
     if out.suffix not in (".csv", ".nc"):
         raise ConfigurationError(f"--out {out}: end its name in .csv or .nc")
+    require_writable("--out", out)
     if plot is not None:
         figure_format(plot)
+        require_writable("--plot", plot)
 
 
 def start_scalars(
     e0: float | None, ocr: float | None, start: Sequence[str] | None
 ) -> dict[str, float]:
     """What is known at the start beside the pressure, under dataset names."""
-    if e0 is not None and ocr is not None:
-        raise ConfigurationError("--e0 and --ocr both set the density at the start; give one")
-    scalars: dict[str, float] = {}
-    for name, value in (("initial_void_ratio", e0), ("overconsolidation_ratio", ocr)):
-        if value is not None:
-            scalars[name] = value
+    given = [("initial_void_ratio", e0), ("overconsolidation_ratio", ocr)]
     for text in start or ():
         name, sign, number = text.partition("=")
         if not (sign and name.isidentifier()):
             raise ConfigurationError(f"--start {text!r}: give NAME=VALUE, as grading_index=1.06")
-        scalars[name] = _numbers(f"--start {name}", number)[0]
+        given.append((name, _numbers(f"--start {name}", number)[0]))
+    scalars: dict[str, float] = {}
+    for name, value in given:
+        if name in scalars:
+            raise ConfigurationError(f"{name} at the start is given twice; leave one out")
+        if value is not None:
+            scalars[name] = value
+    if "initial_void_ratio" in scalars and "overconsolidation_ratio" in scalars:
+        raise ConfigurationError("--e0 and --ocr both set the density at the start; give one")
     return scalars
 
 
@@ -272,6 +280,8 @@ def _check_driving(option: str, strains: Sequence[float]) -> None:
     from granbench.plausible import LARGEST_STRAIN
 
     for strain in strains:
+        if not math.isfinite(strain):
+            raise ConfigurationError(f"{option} {strain:g} is not a finite number; mend it")
         if abs(strain) > LARGEST_STRAIN:
             raise ConfigurationError(
                 f"{option} {strain:g} is beyond {LARGEST_STRAIN:g}; strain has no unit: write 0.2 "

@@ -146,7 +146,7 @@ def fit(
         lateral_stress=lateral_stress,
     )
     settings = FitSettings(
-        free=None if free is None else tuple(name.strip() for name in free.split(",")),
+        free=None if free is None else tuple(filter(None, map(str.strip, free.split(",")))),
         control=control,
         points=points,
         weights={

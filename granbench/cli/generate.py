@@ -13,7 +13,7 @@ def generate(
     dataset: Annotated[str, typer.Argument(help="Dataset to generate, such as dem-triaxial.")],
     out: Annotated[Path, typer.Option(help="Folder of the campaign and of the dataset.")],
     preset: Annotated[str, typer.Option(help="smoke, core or paper.")] = "smoke",
-    workers: Annotated[int, typer.Option(help="Jobs at a time on this machine.")] = 1,
+    workers: Annotated[int, typer.Option(min=1, help="Jobs at a time on this machine.")] = 1,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a dask scheduler that takes the jobs instead.")
     ] = None,

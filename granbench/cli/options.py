@@ -1,9 +1,11 @@
 """What the options of several commands have to obey."""
 
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from granbench.errors import ConfigurationError
+from granbench.whole_file import cannot_write
 
 
 def refuse_overwriting(out: Path, option: str, source: Path | None) -> None:
@@ -24,6 +26,23 @@ def refuse_overwriting(out: Path, option: str, source: Path | None) -> None:
         raise ConfigurationError(
             f"--out {out} is what {option} reads and would be overwritten; write to another file"
         )
+
+
+def require_writable(option: str, file: Path) -> None:
+    """Refuse, before any work, a file that could not be written; nothing is made.
+
+    Raises
+    ------
+    ConfigurationError
+        If a folder has the name, or the nearest folder that is there cannot be written to.
+    """
+    try:
+        if file.is_dir():
+            raise IsADirectoryError(None, "Is a directory")
+        with tempfile.TemporaryFile(dir=next(above for above in file.parents if above.exists())):
+            pass
+    except OSError as error:
+        raise ConfigurationError(f"{option} {cannot_write(file, error)}") from error
 
 
 def require_one_of(option: str, given: str, allowed: Sequence[str]) -> None:

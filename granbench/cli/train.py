@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from granbench.cli.termination import stopped_by_sigterm
-from granbench.errors import ConfigurationError
+from granbench.errors import ConfigurationError, GranbenchError
 
 if TYPE_CHECKING:
     from granbench.baseline import EpochReport
@@ -37,7 +37,7 @@ def train(
         typer.Option("--budget", metavar="MINUTES", help="Of training, over all sessions."),
     ] = None,
     epochs: Annotated[
-        int | None, typer.Option("--epochs", help="At most, in place of the preset's.")
+        int | None, typer.Option("--epochs", min=1, help="At most, in place of the preset's.")
     ] = None,
     device: Annotated[str, typer.Option("--device", help="cpu or cuda.")] = "cpu",
     threads: Annotated[
@@ -74,6 +74,7 @@ def train(
         stopped_by_sigterm(),
         open_records(task_file(task)) as records,
         _epoch_bar(baseline, quiet) as show,
+        _removed_if_empty(out),
     ):
         folder = model.train(
             TrainingRequest(
@@ -97,6 +98,19 @@ def train(
             f"{run['best_epoch']} of {run['epochs']} (ended by {run['ended_by']}, "
             f"{run['seconds'] / SECONDS_PER_MINUTE:.1f} minutes); the model is in {folder}"
         )
+
+
+@contextmanager
+def _removed_if_empty(out: Path) -> Iterator[None]:
+    """Take a new folder away again where an error came before anything was written."""
+    fresh = not out.exists()
+    try:
+        yield
+    except GranbenchError:
+        if fresh:
+            with suppress(OSError):
+                out.rmdir()
+        raise
 
 
 def _seconds(budget: float) -> float:

@@ -41,6 +41,8 @@ def read_tests(path: Path | str, settings: ImportSettings | None = None) -> list
         In one sentence, naming file, row and column: see `assemble`.
     """
     path, settings = Path(path), settings or ImportSettings()
+    if path.is_dir():
+        raise DatasetError(f"{path}: is a folder; give a file in it")
     if not path.is_file():
         raise DatasetError(f"{path}: there is no such file; check the name")
     if path.suffix.lower() == ".nc":

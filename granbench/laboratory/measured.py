@@ -140,6 +140,11 @@ def _in_si(table: Table, column: Column, quantity: str, settings: ImportSettings
     return measured
 
 
+def _likely_unit(number: float) -> str:
+    """The unit in which a stress that is too large would be possible."""
+    return "kPa" if 1e3 * number <= LARGEST_STRESS else "Pa"
+
+
 def _check_size(table: Table, measured: Measured, quantity: str) -> None:
     """Refuse what only a wrong unit explains."""
     sizes = np.abs(measured.values)
@@ -151,17 +156,22 @@ def _check_size(table: Table, measured: Measured, quantity: str) -> None:
             raise DatasetError(
                 f"{where} holds {shown}, which is suspicious: no laboratory reaches "
                 f"{LARGEST_STRESS / 1e9:g} GPa; mend the cell, or give the unit with --unit "
-                f"{quantity}=Pa"
+                f"{quantity}={_likely_unit(largest / (unit_factor(measured.unit) or 1.0))}"
             )
     elif quantity == "void_ratio":
         low, high = VOID_RATIOS
         bad = (measured.values < low) | (measured.values > high)
         if bad.any():
             row = int(bad.argmax())
+            likely = "%" if measured.values[row] > high else "-"
             raise DatasetError(
                 f"{table.source}, {table.places[row]}: column {measured.header!r} gives a void "
-                f"ratio of {measured.values[row]:g}, which is suspicious; mend the cell, or give "
-                f"the unit with --unit void_ratio={'%' if measured.values[row] > high else '-'}"
+                f"ratio of {measured.values[row]:g}, which is suspicious; mend the cell"
+                + (
+                    f", or give the unit with --unit void_ratio={likely}"
+                    if likely != measured.unit
+                    else ""
+                )
             )
     elif largest >= LARGEST_STRAIN:
         raise DatasetError(

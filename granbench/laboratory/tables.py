@@ -1,5 +1,6 @@
 """Tables of a laboratory file: headers, units and cells, each with the place where it stands."""
 
+import codecs
 import csv
 import math
 import re
@@ -124,9 +125,11 @@ def read_text_table(path: Path) -> Table:
             continue
         cells = _split(text, separator)
         if len(cells) != len(headers):
+            commas = separator == "," and len(cells) > len(headers)
             raise DatasetError(
-                f"{path}, line {number}: has {len(cells)} cells for {len(headers)} columns; "
-                "mend the row"
+                f"{path}, line {number}: has {len(cells)} cells for {len(headers)} columns; mend "
+                "the row"
+                + (", or separate columns by semicolons if commas are decimal" if commas else "")
             )
         places.append(f"line {number}")
         rows.append(cells)
@@ -149,7 +152,9 @@ def _lines(path: Path) -> list[tuple[int, str]]:
             f"{path}: cannot be read ({error.strerror or error}); check the name"
         ) from error
     try:
-        content = text.decode("utf-8-sig")
+        # Spreadsheets save "Unicode text" as UTF-16, with a mark at its start.
+        marked = text.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        content = text.decode("utf-16" if marked else "utf-8-sig")
     except UnicodeDecodeError:
         content = text.decode("latin-1")  # what laboratory software wrote before Unicode
     if "\0" in content:
@@ -162,7 +167,7 @@ def _holds_numbers(text: str) -> bool:
     """Whether a line is a row of the table: no comment, and most of its cells are numbers."""
     if text.startswith(COMMENT):
         return False
-    cells = [cell for cell in re.split(r"[,;\s]+", text) if cell]
+    cells = [cell for cell in re.split(r"[,;\s]+", text.replace('"', "")) if cell]
     return sum(map(is_number, cells)) * 2 > len(cells)
 
 

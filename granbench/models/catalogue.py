@@ -1,9 +1,8 @@
 """The classical models by name."""
 
 from collections.abc import Mapping
-from difflib import get_close_matches
 
-from granbench.errors import ModelError
+from granbench.errors import ModelError, alternatives
 from granbench.models.classical import ClassicalCell
 from granbench.models.csuh import CSUH
 from granbench.models.drucker_prager import DruckerPrager
@@ -37,6 +36,4 @@ def find_model(name: str) -> type[ClassicalCell]:
     """
     if name in MODELS:
         return MODELS[name]
-    near = get_close_matches(name, MODELS, n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
-    raise ModelError(f"unknown classical model {name!r}: {hint}there are {', '.join(MODELS)}")
+    raise ModelError(f"unknown classical model {name!r}: {alternatives(name, MODELS)}")

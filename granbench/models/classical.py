@@ -6,14 +6,13 @@ material cell follow from them here.
 
 import abc
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 from typing import ClassVar, Self
 
 import torch
 from torch import Tensor
 
 from granbench.cell import Conditions, MaterialCell, StateLayout
-from granbench.errors import ModelError
+from granbench.errors import ModelError, alternatives
 from granbench.models.components import TensorRows, tensor_rows
 from granbench.models.parameters import Constants, Parameter
 from granbench.models.substepping import Substepping
@@ -107,8 +106,8 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
             return next(iter(cls.parameter_sets.values()))
         if parameter_set not in cls.parameter_sets:
             raise ModelError(
-                f"{cls.name} has no parameter set {parameter_set!r}; there are "
-                f"{', '.join(cls.parameter_sets)}"
+                f"{cls.name} has no parameter set {parameter_set!r}; "
+                f"{alternatives(parameter_set, cls.parameter_sets)}"
             )
         return cls.parameter_sets[parameter_set]
 
@@ -117,10 +116,8 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
         names = [parameter.name for parameter in cls.parameter_table]
         for name in values:
             if name not in names:
-                near = get_close_matches(name, names, n=1)
-                hint = f"did you mean {near[0]!r}? " if near else ""
                 raise ModelError(
-                    f"{cls.name} has no parameter {name!r}: {hint}there are {', '.join(names)}"
+                    f"{cls.name} has no parameter {name!r}: {alternatives(name, names)}"
                 )
         return values
 

@@ -2,11 +2,10 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 
 import numpy as np
 
-from granbench.errors import ConfigurationError
+from granbench.errors import ConfigurationError, alternatives
 from granbench.paths.element import (
     BiaxialCompression,
     DrainedSimpleShear,
@@ -110,9 +109,7 @@ def find_test(name: str) -> StandardTest:
     """
     if name in STANDARD_TESTS:
         return STANDARD_TESTS[name]
-    near = get_close_matches(name, STANDARD_TESTS, n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
-    raise ConfigurationError(f"unknown test {name!r}: {hint}there are {', '.join(STANDARD_TESTS)}")
+    raise ConfigurationError(f"unknown test {name!r}: {alternatives(name, STANDARD_TESTS)}")
 
 
 def strain_history(corners: Sequence[float], steps: int) -> Floats:

@@ -3,13 +3,15 @@
 One row a step, one column for each component of one order: ``eps_xx`` prescribes the cumulative
 strain xx, and ``sig_xx`` in its place the stress. A file whose only column is ``eps_axial``
 (``eps_shear``) is the history of a standard test's driving strain. Compression is positive,
-strain has no unit (0.01 is one per cent) and stress is in Pa.
+strain has no unit (0.01 is one per cent) and stress is in Pa. Where semicolons or tabs separate
+the columns, as spreadsheets of some languages write them, numbers may have decimal commas.
 """
 
 import csv
 import io
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -128,17 +130,24 @@ def read_path(path: Path | str) -> PathTable:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
         raise ConfigurationError(
-            f"{path}: is not a text file; give a CSV file of strains, or records in netCDF (.nc)"
+            f"{path}: cannot be read ({error.strerror}); give a CSV file of strains"
         ) from error
-    reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True, strict=True)
+    except UnicodeDecodeError as error:
+        raise _no_text(path) from error
+    if text.startswith("\0"):
+        raise _no_text(path)
+    separator = _separator(text)
+    reader = csv.reader(
+        io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True, strict=True
+    )
     rows: list[tuple[int, list[str]]] = []
     try:
         for cells in reader:
             stripped = [cell.strip() for cell in cells]
             if any(stripped):
+                if separator != ",":
+                    stripped = [cell.replace(",", ".") for cell in stripped]
                 rows.append((reader.line_num, stripped))
     except csv.Error as error:
         raise ConfigurationError(
@@ -159,6 +168,19 @@ def read_path(path: Path | str) -> PathTable:
         )
     _check_sizes(table)
     return table
+
+
+def _no_text(path: Path) -> ConfigurationError:
+    return ConfigurationError(
+        f"{path}: is not a text file in UTF-8; give a CSV file of strains, or records in netCDF "
+        "(.nc)"
+    )
+
+
+def _separator(text: str) -> str:
+    """What separates the columns: a semicolon or a tab where the first line has that alone."""
+    header = text.lstrip().partition("\n")[0]
+    return next((mark for mark in (";", "\t") if mark in header and "," not in header), ",")
 
 
 def _check_sizes(table: PathTable) -> None:
@@ -189,17 +211,27 @@ def _known_columns() -> str:
     )
 
 
+def _hint(name: str, known: Sequence[str]) -> str:
+    """What an unknown column may be meant as."""
+    label = name.lower().removeprefix("gamma").lstrip("_")
+    if name.lower().startswith("gamma") and STRAIN + label in known:
+        return f"give the tensor component {STRAIN}{label}, which is half of {name}: "
+    if re.fullmatch(r"[-+.\deE]+", name):
+        return "it is a number, so the names of the columns are missing above it: "
+    near = get_close_matches(name.lower(), known, n=1)
+    return f"did you mean {near[0]}? " if near else ""
+
+
 def _checked_columns(names: Sequence[str], source: str) -> tuple[str, ...]:
     labels = {label for own in COMPONENT_ORDERS.values() for label in own}
     known = [prefix + label for prefix in (STRAIN, STRESS) for label in sorted(labels)]
     known += DRIVING_COLUMNS
     for number, name in enumerate(names, start=1):
         if name not in known:
-            near = get_close_matches(name, known, n=1)
-            hint = f"did you mean {near[0]}? " if near else ""
+            hint = _hint(name, known)
             raise ConfigurationError(
                 f"{source}: column {number} of the header is {name!r}, which is unknown: {hint}"
-                f"name the columns {_known_columns()}, separated by commas"
+                f"name the columns {_known_columns()}, separated by commas or semicolons"
             )
     if driving := [name for name in names if name in DRIVING_COLUMNS]:
         if len(names) > 1:
@@ -233,7 +265,8 @@ def _checked_columns(names: Sequence[str], source: str) -> tuple[str, ...]:
 def _numbers(cells: Sequence[str], columns: Sequence[str], place: str) -> list[float]:
     if len(cells) != len(columns):
         raise ConfigurationError(
-            f"{place} has {len(cells)} cells for {len(columns)} columns; mend the row"
+            f"{place} has {len(cells)} cells for {len(columns)} columns; mend the row, or separate "
+            "columns by semicolons if commas are decimal"
         )
     numbers = []
     for cell, column in zip(cells, columns, strict=True):

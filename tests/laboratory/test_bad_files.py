@@ -142,7 +142,7 @@ def test_a_test_without_volume_is_read_only_where_the_lateral_stress_stands_for_
     [
         (b"", "no row of numbers"),
         (b"1,2,3\n4,5,6\n", "line 1: numbers begin without a header"),
-        (b"eps1 [%],q [kPa]\n0,1\n1,2,3\n", "line 3: has 3 cells for 2 columns"),
+        (b"eps1 [%],q [kPa]\n0,1\n1,2,3\n", "line 3: has 3 cells for 2 .* if commas are decimal"),
         (b"\x00\x01\x02\x00binary", "not a text file"),
         (b"PK\x05\x06" + b"\0" * 18, "belong to no format"),
     ],

@@ -91,6 +91,18 @@ def test_decimal_commas_and_a_line_of_units_are_read(tmp_path: Path) -> None:
     check_drained(test)
 
 
+def test_quoted_cells_and_unicode_text_of_spreadsheets_are_read(tmp_path: Path) -> None:
+    curve = drained_curve()
+    headers = ("eps1 [%]", "epsv [%]", "q [kPa]", "p [kPa]")
+    path = write_csv(tmp_path / "cd.csv", headers, [curve[n] for n in ("eps1", "epsv", "q", "p")])
+    plain = path.read_text()
+    quoted = "\n".join('"' + line.replace(",", '","') + '"' for line in plain.splitlines())
+    for content in (quoted.encode(), plain.encode("utf-16"), plain.replace("\n", "\r\n").encode()):
+        path.write_bytes(content)
+        (test,) = read_tests(path)
+        check_drained(test)
+
+
 def test_tension_positive_files_are_turned_round(tmp_path: Path) -> None:
     curve = drained_curve()
     columns = [-curve["eps1"], -curve["epsv"], curve["q"], -curve["p"]]

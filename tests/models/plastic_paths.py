@@ -17,6 +17,7 @@ def unit(cell: ClassicalCell) -> Tensor:
     return cell.rows.normal[: cell.component_count, 0]
 
 
+@torch.no_grad()
 def isotropic(cell: ClassicalCell, points: int, pressure: float = PRESSURE) -> Tensor:
     """State at an isotropic stress."""
     stress = (pressure * unit(cell)).expand(points, -1)

@@ -45,6 +45,12 @@ def test_spreadsheets_write_marks_and_empty_lines(table):
     assert found.place(1).endswith("path.csv: row 2 (line 5)")
 
 
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_spreadsheets_of_other_languages_write_decimal_commas(table, mark):
+    found = table(f"eps_11{mark}eps_22{mark}eps_33\n0,01{mark}-0,5e-2{mark}0\n")
+    np.testing.assert_array_equal(found.values, [[0.01, -0.005, 0.0]])
+
+
 def test_a_first_row_that_is_not_zero_is_measured_from_zero(table):
     control, added = table(PLANE + "0.01,0,0\n0.02,0,0\n").control(ISOTROPIC)
     assert added == 1
@@ -90,15 +96,19 @@ def test_one_column_is_the_history_of_a_test(table):
         (PLANE + "0,0,0\n0.1,1 %,0\n", ["row 2 (line 3)", "column eps_yy", "'1 %'"]),
         (PLANE + "1_0,0,0\n", ["row 1 (line 2)", "column eps_xx", "'1_0'"]),
         (PLANE + "0,0,0\n0.1,0\n", ["row 2 (line 3)", "2 cells for 3 columns"]),
-        (PLANE + "0,0,0\n0,1,0,1,0,0\n", ["row 2 (line 3)", "6 cells for 3 columns"]),
+        (PLANE + "0,0,0\n0,1,0,1,0,0\n", ["row 2 (line 3)", "6 cells for 3 columns", "decimal"]),
         ("eps_xx,eps_yy\n0,0\n", ["column eps_xy (or sig_xy) is missing"]),
         ("eps_xx,eps_yy,eps_zz\n0,0,1\n", ["column eps_yz (or sig_yz) is missing"]),
         ("eps_11,eps_33\n0,0\n", ["column eps_22 (or sig_22) is missing"]),
-        ("eps_xx,eps_yy,gamma_xy\n0,0,0\n", ["column 3", "'gamma_xy'", "unknown"]),
+        ("eps_xx,eps_yy,gamma_xy\n0,0,0\n", ["column 3", "'gamma_xy'", "eps_xy, which is half"]),
         ("eps_xx,eps_yy,eps_yx\n0,0,0\n", ["'eps_yx'", "did you mean"]),
         ("time,eps_xx,eps_yy,eps_xy\n0,0,0,0\n", ["column 1", "'time'", "unknown"]),
-        ("0,0,0\n0.1,0,0\n", ["column 1 of the header is '0'", "name the columns"]),
-        ("eps_xx;eps_yy;eps_xy\n0;0;0\n", ["separated by commas"]),
+        ("0,0,0\n0.1,0,0\n", ["column 1 of the header is '0'", "it is a number", "name"]),
+        ("EPS_xx,EPS_yy,EPS_xy\n0,0,0\n", ["'EPS_xx'", "did you mean eps_xx"]),
+        ("eps_xx eps_yy eps_xy\n0 0 0\n", ["separated by commas or semicolons"]),
+        ("\0\0\0\0", ["is not a text file"]),
+        (PLANE + "0,0,0\n0,0.01,-2\n", ["row 2 (line 3)", "column eps_xy holds -2", "by 100"]),
+        ("eps_xx,sig_yy,eps_xy\n0,5e11,0\n", ["row 1 (line 2)", "sig_yy", "1 GPa", "in Pa"]),
         ("eps_xx,eps_yy,eps_xx,eps_xy\n0,0,0,0\n", ["eps_xx and eps_xx", "twice"]),
         ("eps_xx,eps_yy,sig_xx,eps_xy\n0,0,0,0\n", ["eps_xx and sig_xx", "twice"]),
         ("eps_11,eps_yy,eps_xy\n0,0,0\n", ["mix component orders"]),
