@@ -17,6 +17,8 @@ GENERATORS = {
     "gp-j2-hardening": "granbench.generators.classical.generate:gp_j2_hardening",
     "gp-ime": "granbench.generators.classical.generate:gp_ime",
     "gp-csuh": "granbench.generators.classical.generate:gp_csuh",
+    "fem-ime": "granbench.generators.fem.generate:fem_ime",
+    "fem-csuh": "granbench.generators.fem.generate:fem_csuh",
 }
 """``module:function`` of each dataset, imported only when it is asked for."""
 

@@ -195,6 +195,8 @@ SCHEMA: dict[str, VariableSpec] = {
     "volumetric_factor": _scalar(
         "1", "factor on the volumetric part of the drawn strain", NOT_NEGATIVE
     ),
+    "position_x": _scalar("m", "x of the Gauss point at the start"),
+    "position_y": _scalar("m", "y of the Gauss point at the start"),
     "seed": _count("seed of the packing", required=True),
     "replicate": _count("0: first packing; 1: prepared again with another seed"),
     "servo_error_rms": _scalar("1", "RMS relative error of the controlled stress"),

@@ -22,6 +22,7 @@ def plane_sections(records: xr.Dataset) -> list[str]:
         "Admissible paths": records.attrs.get("admissible_scaling"),
         "Rounding": _sentence(records.attrs.get("rounding")),
         "Tangents": _sentence(records.attrs.get("tangents")),
+        "Steps": _sentence(records.attrs.get("thinning")),
     }
     return [f"## {title}\n\n{text}" for title, text in titled.items() if text]
 

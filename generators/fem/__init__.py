@@ -1,0 +1,1 @@
+"""Gauss-point histories of finite-element analyses: `fem-ime` and `fem-csuh`."""

@@ -1,0 +1,111 @@
+"""The jobs of a `fem-*` campaign: one explicit analysis each."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from granbench.boundary_values import EXPLICIT
+from granbench.fem import run
+from granbench.fem.analysis import settings_for
+from granbench.fem.problems.biaxial import HEIGHT, Biaxial
+from granbench.generators.campaign import Job
+from granbench.generators.classical.recorded import recorded
+from granbench.generators.fem.design import AnalysisPlan, FemPreset, GroundTruth
+from granbench.models import find_model
+from granbench.protocols.posed import posed
+
+RECORD_FILE = "record.npz"
+POSITION = ("position_x", "position_y")
+
+
+def campaign_job(truth: GroundTruth, preset: FemPreset, plan: AnalysisPlan, seed: int) -> Job:
+    """The job that makes one analysis.
+
+    Parameters
+    ----------
+    truth, preset : what is made
+    plan : the analysis
+    seed : of the dataset
+    """
+    return Job(
+        key=plan.name,
+        function="granbench.generators.fem.jobs:run_analysis",
+        configuration={
+            "model": truth.model,
+            "parameters": truth.cell().values(),
+            "steps": preset.steps,
+            "plan": plan.model_dump(mode="json"),
+        },
+        seed=seed,
+    )
+
+
+def run_analysis(
+    configuration: Mapping[str, Any], seed: int, inputs: Mapping[str, Path], out: Path
+) -> None:
+    """Keep the histories of some Gauss points of an explicit analysis in `out`.
+
+    Raises
+    ------
+    AnalysisError
+        If the analysis does not come to its end.
+    """
+    plan = AnalysisPlan.model_validate(configuration["plan"])
+    cell = find_model(configuration["model"])(configuration["parameters"])
+    problem = posed(plan)
+    settings = replace(settings_for(problem, EXPLICIT), outputs=configuration["steps"])
+    # Threads that wait for each other cost more than they do, at some hundred points.
+    torch.set_num_threads(1)
+    histories = run(problem, cell, solver=settings, mesh=plan.mesh).check()
+    points = different_points(plan, histories["point_position"].values)
+    points = points[spread(len(points), plan.points)]
+    record = records_of(histories.isel(point=points), cell.internals)
+    # mypy matches the names with savez's own allow_pickle.
+    np.savez(out / RECORD_FILE, point=points, **record)  # type: ignore[arg-type]
+
+
+def different_points(plan: AnalysisPlan, positions: np.ndarray) -> np.ndarray:
+    """Numbers of the Gauss points whose histories are not those of another one.
+
+    A biaxial test is its own image after half a turn, which leaves plane tensors as they are: the
+    points of its upper half repeat those of the lower one. Its left and right halves differ in
+    the sign of the shear.
+
+    Parameters
+    ----------
+    plan : the analysis
+    positions : (point, direction), m
+    """
+    if plan.problem != Biaxial.name:
+        return np.arange(len(positions))
+    return np.flatnonzero(positions[:, 1] < 0.5 * HEIGHT)
+
+
+def spread(count: int, kept: int) -> np.ndarray:
+    """Numbers of `kept` out of `count`, evenly spread; all where there are fewer."""
+    return np.linspace(0, count - 1, min(kept, count)).round().astype(np.int64)
+
+
+def records_of(histories: xr.Dataset, internals: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """Histories as a dataset keeps them: (path, step, ...), a path being a Gauss point.
+
+    Parameters
+    ----------
+    histories : of some Gauss points
+    internals : names of the internal variables among them
+    """
+    series: dict[str, ArrayLike] = {
+        name: histories[name].transpose("point", "step", ...).values
+        for name in ("strain", "stress", *internals)
+    }
+    x, y = histories["point_position"].transpose("direction", "point").values
+    return {
+        **{name: recorded(name, values) for name, values in series.items()},
+        **dict(zip(POSITION, (x, y), strict=True)),
+    }

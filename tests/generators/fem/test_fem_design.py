@@ -1,0 +1,103 @@
+"""The plan of the `fem-*` datasets: what is in which split, and what can be analysed."""
+
+import json
+from collections import Counter
+
+import pytest
+
+from granbench.boundary_values import EMBEDDED_ANALYSES, embedded_analyses, stated
+from granbench.errors import DatasetError, RegistryError
+from granbench.generators.fem.design import (
+    GROUND_TRUTHS,
+    PRESETS,
+    AnalysisPlan,
+    FemPreset,
+    embedded_of,
+    planned_analyses,
+    preset,
+)
+from granbench.protocols.posed import posed
+
+CORE = PRESETS["core"]
+IME = GROUND_TRUTHS["fem-ime"]
+
+
+def plans(chosen: FemPreset = CORE, seed: int = 0) -> list[AnalysisPlan]:
+    return planned_analyses(IME, chosen, seed)
+
+
+def test_a_split_is_a_matter_of_problem_and_loading() -> None:
+    problems = {split: {plan.problem for plan in plans() if plan.split == split} for split in
+                {plan.split for plan in plans()}}  # fmt: skip
+    assert problems == {
+        "train": {"biaxial"},
+        "validation": {"biaxial"},
+        "test": {"biaxial"},
+        "ood-wall": {"retaining-wall"},
+        "ood-footing": {"strip-footing"},
+    }
+    pressures = [
+        {plan.confinement for plan in plans() if plan.split == split}
+        for split in ("train", "validation", "test")
+    ]
+    assert not pressures[0] & pressures[1] and not pressures[0] & pressures[2]
+    assert not pressures[1] & pressures[2]
+
+
+def test_no_loading_differs_from_another_by_a_constant_pressure_alone() -> None:
+    """IME would deform alike under both, and a test path have the strains of a training path."""
+    constant = Counter((plan.problem, plan.choices["cycles"]) for plan in plans() if plan.seed == 0)
+    assert set(constant.values()) == {1}
+    seeds = Counter(plan.seed for plan in plans() if plan.seed)
+    assert set(seeds.values()) == {1}
+
+
+def test_training_has_each_kind_of_loading() -> None:
+    trained = [plan for plan in plans() if plan.split == "train"]
+    assert {plan.choices["ends"] for plan in trained} == {"rough", "smooth"}
+    assert {plan.mesh for plan in trained} == {"coarse", "medium"}
+    assert {plan.loading_family for plan in trained} == {"biaxial-monotonic", "biaxial-cyclic"}
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("dataset", GROUND_TRUTHS)
+def test_every_planned_problem_can_be_posed(dataset: str, name: str) -> None:
+    truth, chosen = GROUND_TRUTHS[dataset], PRESETS[name]
+    listed = planned_analyses(truth, chosen, 0)
+    assert len({plan.name for plan in listed}) == len(listed)
+    for plan in listed:
+        problem = posed(plan)
+        assert plan.mesh in problem.meshes
+        assert problem.initial_pressure == plan.confinement
+        assert posed(AnalysisPlan.model_validate_json(plan.model_dump_json())) == problem
+
+
+def test_another_seed_draws_other_confinements() -> None:
+    ours, theirs = ({plan.seed for plan in plans(seed=seed)} - {0} for seed in (0, 1))
+    assert len(ours) == len(theirs) and not ours & theirs
+
+
+def test_embedded_analyses_survive_their_attribute(tmp_path) -> None:
+    modulus = dict.fromkeys((plan.name for plan in plans()), 2e7)
+    listed = embedded_of(plans(), CORE, modulus)
+    assert {analysis.problem for analysis in listed} == {
+        "biaxial", "retaining-wall", "strip-footing",
+    }  # fmt: skip
+
+    class Records:
+        attrs = {"dataset": "made", EMBEDDED_ANALYSES: stated(listed)}
+
+    assert embedded_analyses(Records()) == listed
+    damaged = json.loads(Records.attrs[EMBEDDED_ANALYSES])
+    damaged[1]["choices"].pop("confinement")
+    Records.attrs[EMBEDDED_ANALYSES] = json.dumps(damaged)
+    with pytest.raises(DatasetError, match=r"damaged at 1 .*state the confinement"):
+        embedded_analyses(Records())
+    Records.attrs[EMBEDDED_ANALYSES] = json.dumps([damaged[0], damaged[0]])
+    with pytest.raises(DatasetError, match="have one name"):
+        embedded_analyses(Records())
+
+
+def test_an_unknown_preset_is_refused() -> None:
+    with pytest.raises(RegistryError, match="preset 'huge' of the fem datasets is unknown"):
+        preset("huge")
