@@ -53,6 +53,11 @@ class Candidate:
         return self.baseline is None or bool(self.baseline.presets)
 
     @property
+    def floor(self) -> bool:
+        """Whether it frames the table, unless told otherwise, as a fitted classical model does."""
+        return not self.trained or getattr(self.baseline, "floor", False)
+
+    @property
     def cell(self) -> MaterialCell:
         """Its cell for the first seed."""
         return next(iter(self.cells.values()))

@@ -41,6 +41,8 @@ def test_ceiling_and_floors_frame_every_task(board, task: str) -> None:
     assert set(FRAME) <= set(board[task])
     errors = {name: rollout_error(row) for name, row in board[task].items()}
     assert errors["oracle"] == 0.0
+    roles = {name: row.role for name, row in board[task].items() if name != "oracle"}
+    assert {name for name, role in roles.items() if role == "floor"} >= set(FRAME) - {"oracle"}
     assert all(error > 0.0 for name, error in errors.items() if name != "oracle")
 
 
