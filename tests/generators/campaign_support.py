@@ -10,7 +10,7 @@ from pathlib import Path
 
 from granbench.generators.campaign import CampaignReport, Job, run_campaign
 
-PATIENCE = 30.0
+PATIENCE = 90.0
 
 
 def walks(steps: int = 20) -> list[Job]:

@@ -158,7 +158,7 @@ def test_ctrl_c_stops_the_jobs_at_once_and_leaves_a_folder_that_resumes(
         command.send_signal(signal.SIGINT)
         sent = time.monotonic()
         _, errors = command.communicate(timeout=PATIENCE)
-        assert time.monotonic() - sent < 3.0
+        assert time.monotonic() - sent < 20.0  # not when the jobs would have ended: never
     assert errors.decode().rstrip().endswith("KeyboardInterrupt")
     assert not any(map(is_alive, workers))
     assert list((tmp_path / "campaign/attempts").iterdir()) == []
@@ -170,9 +170,11 @@ def test_ctrl_c_stops_the_jobs_at_once_and_leaves_a_folder_that_resumes(
 
 def test_killed_worker_process_loses_nothing(tmp_path, shared, undisturbed):
     def kill_the_first() -> None:
-        wait_until(lambda: len(processes_named_in(shared)) == 2)
-        os.kill(processes_named_in(shared)[0], signal.SIGKILL)
-        (shared / "go").touch()
+        try:
+            wait_until(lambda: len(processes_named_in(shared)) == 2)
+            os.kill(processes_named_in(shared)[0], signal.SIGKILL)
+        finally:
+            (shared / "go").touch()  # whatever happened, the jobs must come to their end
 
     killer = threading.Thread(target=kill_the_first)
     killer.start()

@@ -89,13 +89,15 @@ def test_killed_dask_worker_loses_nothing_and_takes_its_job_along(
     stopped: list[bool] = []
 
     def kill_a_worker() -> None:
-        wait_until(lambda: len(processes_named_in(shared)) == 2)
-        first = processes_named_in(shared)[0]
-        worker = next(w for w in cluster.workers if w.pid == parent_of(first))
-        worker.send_signal(signal.SIGKILL)
-        wait_until(lambda: not is_alive(first))
-        stopped.append(True)
-        (shared / "go").touch()
+        try:
+            wait_until(lambda: len(processes_named_in(shared)) == 2)
+            first = processes_named_in(shared)[0]
+            worker = next(w for w in cluster.workers if w.pid == parent_of(first))
+            worker.send_signal(signal.SIGKILL)
+            wait_until(lambda: not is_alive(first))
+            stopped.append(True)
+        finally:
+            (shared / "go").touch()  # whatever happened, the jobs must come to their end
 
     killer = threading.Thread(target=kill_a_worker)
     killer.start()
@@ -123,7 +125,7 @@ def test_ctrl_c_stops_the_jobs_on_the_cluster_and_the_campaign_resumes(
         command.send_signal(signal.SIGINT)
         _, errors = command.communicate(timeout=PATIENCE)
     assert errors.decode().rstrip().endswith("KeyboardInterrupt")
-    assert not any(map(is_alive, jobs))
+    wait_until(lambda: not any(map(is_alive, jobs)))
     (shared / "go").touch()
     report = quiet(waiting_jobs(shared), tmp_path / "campaign", scheduler=cluster.address)
     assert report.failed == {}
@@ -134,8 +136,10 @@ def test_a_lost_scheduler_is_a_clear_error_and_the_campaign_resumes(
     tmp_path, shared, undisturbed, cluster, capfd
 ):
     def kill_the_scheduler() -> None:
-        wait_until(lambda: len(processes_named_in(shared)) == 2)
-        cluster.scheduler.kill()
+        try:
+            wait_until(lambda: len(processes_named_in(shared)) == 2)
+        finally:
+            cluster.scheduler.kill()
 
     killer = threading.Thread(target=kill_the_scheduler)
     killer.start()
