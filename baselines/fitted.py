@@ -65,12 +65,14 @@ class FittedBaseline:
     name, title : see there
     model : in the catalogue of classical models
     settings : recipe by preset, the default first
+    floor : what every network has to beat, and where it has the form of the truth cannot
     """
 
     name: str
     title: str
     model: str
     settings: dict[str, FittingRecipe]
+    floor: bool = True
 
     @property
     def presets(self) -> Sequence[str]:

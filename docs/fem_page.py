@@ -10,15 +10,17 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from fem_network import analyses as network_analyses
+from fem_network import network_figure, network_part
 from matplotlib.figure import Figure
 from page_parts import table, with_parts, write_picture
 
 from granbench.fem import PROBLEMS, ExplicitSettings, ImplicitSettings, Problem, find_problem, run
+from granbench.fem.drawing import problem_figure
 from granbench.fem.operators import build_operators
 from granbench.fem.problems.problem import CYCLES
 from granbench.models import MODELS
 from granbench.plotting.fem import draw_body
-from granbench.plotting.fem_problem import problem_figure
 from granbench.plotting.style import (
     LINE_STYLES,
     MODEL_COLOURS,
@@ -188,7 +190,7 @@ def cheap_parts() -> dict[str, str]:
 
 
 def analysed_parts() -> dict[str, str]:
-    """Parts that take analyses: half a minute."""
+    """Parts that take analyses of classical models: half a minute."""
     return {"limits": limits_part(), "speeds": speeds_part()}
 
 
@@ -198,7 +200,9 @@ def main() -> None:
     write_picture(problem_figure([kind() for kind in PROBLEMS.values()]), FOLDER / "problems.png")
     # Shades and lines together are many colours.
     write_picture(results_figure(analyses()), FOLDER / "results.png", colours=256)
-    parts = cheap_parts() | analysed_parts()
+    with_networks = network_analyses()
+    write_picture(network_figure(with_networks), FOLDER / "network.png")
+    parts = cheap_parts() | analysed_parts() | {"network": network_part(with_networks)}
     PAGE.write_text(with_parts(PAGE.read_text(encoding="utf-8"), parts), encoding="utf-8")
 
 

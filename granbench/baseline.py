@@ -78,6 +78,8 @@ class Baseline(Protocol):
     name : under which it is registered
     title : for people
     presets : names of its training settings, the default first; empty where nothing is trained
+
+    One with a true attribute `floor` frames the tables of the board, and is not ranked.
     """
 
     @property

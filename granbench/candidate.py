@@ -22,6 +22,8 @@ from granbench.models import MODELS
 from granbench.tensors import component_order
 
 DEFAULT_SEEDS = (0, 1, 2)
+FITTED_FILE = "parameters.json"
+"""What `granbench fit` calls the parameters in its folder."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,11 @@ class Candidate:
     def trained(self) -> bool:
         """Whether it is more than a floor: anything but a baseline that needs no training."""
         return self.baseline is None or bool(self.baseline.presets)
+
+    @property
+    def floor(self) -> bool:
+        """Whether it frames the table, unless told otherwise, as a fitted classical model does."""
+        return not self.trained or getattr(self.baseline, "floor", False)
 
     @property
     def cell(self) -> MaterialCell:
@@ -187,7 +194,12 @@ def _closed_form(model: str, records: xr.Dataset, seeds: Sequence[int] | None) -
         )
     from granbench.models.parameter_file import cell_from_file
 
-    return Candidate(Path(model).stem, dict.fromkeys(labels, cell_from_file(Path(model), order)))
+    file = Path(model)
+    cell = cell_from_file(file, order)
+    # `granbench fit` calls all of its files alike: its folders tell them apart.
+    fitted = file.name == FITTED_FILE
+    name = f"{cell.name}-{file.resolve().parent.name}" if fitted else file.stem
+    return Candidate(name, dict.fromkeys(labels, cell))
 
 
 def _untrained(name: str, records: xr.Dataset, seeds: Sequence[int] | None) -> Candidate:

@@ -14,11 +14,15 @@ from granbench.cell import MaterialCell
 from granbench.driven_model import ModelChoice
 from granbench.element_test import ElementTest, Failure, run_test
 from granbench.errors import ConfigurationError
+from granbench.paths.answer_files import answer_records
 from granbench.paths.mixed_control import DIRECTIONS, MixedControl
 from granbench.paths.programme import Floats, LoadingProgramme
-from granbench.paths.strain_files import STRAIN, STRESS, PathTable, answer_records
+from granbench.paths.strain_files import STRAIN, STRESS, PathTable
 from granbench.plausible import LARGEST_STRAIN
-from granbench.tensors import COMPONENT_ORDERS, component_order, normal_mask
+from granbench.tensors import COMPONENT_ORDERS, component_order, least_principal, normal_mask
+
+NO_TENSION = 1e-6
+"""Share of the largest stress below which a tension is rounding."""
 
 CARRIED = ("path_id", "specimen", "split", "loading_family", "seed")
 """What the answer to records keeps of them beside the strain."""
@@ -218,6 +222,24 @@ class Answer:
         rows = slice(self.added, None)
         internals = {name: series[0, rows] for name, series in self.test.internals.items()}
         return self.test.strain[0, rows], self.test.stress[0, rows], internals
+
+    def tension(self) -> str | None:
+        """Where a principal stress becomes tensile, as a sentence; None where none does.
+
+        A model with a friction cone in p and q keeps the mean stress compressive, not each
+        principal stress: in extension q reaches 1.5 p where the least of them vanishes.
+        """
+        least = least_principal(self.test.stress, self.order)
+        scale = np.abs(self.test.stress).max(initial=0.0)
+        tensile = least < -NO_TENSION * scale
+        if not tensile.any():
+            return None
+        point, step = (int(place[0]) for place in np.nonzero(tensile))
+        path = "" if len(least) == 1 else f" of path {point + 1}"
+        return (
+            f"a principal stress is tensile from row {step + 1 - self.added}{path} on, at most "
+            f"{-np.nanmin(least) / 1e3:.3g} kPa; the model keeps the mean stress compressive only"
+        )
 
 
 def drive(

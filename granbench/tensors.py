@@ -175,6 +175,25 @@ def plane_components(
     )
 
 
+def least_principal(stress: np.ndarray, order: str = "principal") -> np.ndarray:
+    """Least principal stress (...), of a stress (..., component); of those in the plane there.
+
+    Parameters
+    ----------
+    stress : Pa, compression positive
+    order : key of `COMPONENT_ORDERS`
+    """
+    if order == "principal":
+        return stress.min(axis=-1)
+    if order == "plane":
+        xx, yy, xy = np.moveaxis(stress, -1, 0)
+        return 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)
+    xx, yy, zz, yz, xz, xy = np.moveaxis(stress, -1, 0)
+    rows = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+    matrices = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return np.linalg.eigvalsh(matrices)[..., 0]
+
+
 def intermediate_stress_ratio(stress: Array) -> Array:
     """b = (sigma_22 - sigma_33)/(sigma_11 - sigma_33) of a `principal` stress.
 

@@ -35,6 +35,7 @@ def test_untrained_baseline_is_one_cell_for_every_seed(records: xr.Dataset) -> N
     assert set(found.cells.values()) == {found.cell}
     assert found.baseline is not None
     assert not found.trained
+    assert found.floor
     assert tuple(find_candidate("persistence", records, seeds=(4, 7)).cells) == (4, 7)
 
 
@@ -47,6 +48,7 @@ def test_folder_by_its_name_or_with_its_baseline_is_the_same_model(
     assert named.name == given.name == "mlstm"
     assert tuple(named.cells) == tuple(given.cells) == (5,)
     assert named.trained
+    assert not named.floor
     assert named.parameters == given.parameters > 1000
 
 

@@ -13,6 +13,7 @@ from granbench.tensors import (
     component_rotation,
     deviatoric_stress,
     intermediate_stress_ratio,
+    least_principal,
     lode_sin3,
     mean_stress,
     pi_plane,
@@ -148,3 +149,17 @@ def test_an_unknown_order_is_refused_with_those_known():
         component_order(("11", "33"))
     with pytest.raises(ConfigurationError, match="use principal, plane, full"):
         mean_stress(np.zeros(3), "polar")
+
+
+def test_the_least_principal_stress_is_the_same_in_every_order() -> None:
+    rng = np.random.default_rng(3)
+    plane = rng.normal(size=(50, 3))
+    full = np.zeros((50, 6))
+    full[:, [0, 1, 5]] = plane
+    full[:, 2] = 10.0  # out of the plane, above the others
+    np.testing.assert_allclose(least_principal(plane, "plane"), least_principal(full, "full"))
+    eigenvalues = np.sort(rng.normal(size=(50, 3)))
+    np.testing.assert_array_equal(least_principal(eigenvalues), eigenvalues[:, 0])
+    inside = plane[:, 0] * plane[:, 1] > plane[:, 2] ** 2
+    positive = (least_principal(plane, "plane") > 0.0) == (inside & (plane[:, 0] > 0.0))
+    assert positive.all()

@@ -170,7 +170,7 @@ def fit(
     """
     settings = settings or FitSettings()
     if not tests:
-        raise ConfigurationError("there is no test to fit; give one that is not left out")
+        raise ConfigurationError("there is no test to fit: take one from --leave-out")
     if cell.order != "principal":
         raise ConfigurationError(
             f"{cell.name} has {cell.order} components, laboratory tests principal ones; make the "
@@ -285,6 +285,11 @@ def _warnings(
     found, space = [], problem.space
     if not problem.can_start(torch.zeros_like(vector[None])).all():
         found.append("the model cannot start all tests with the first values; others were taken")
+    if space.cell.dimension == 2:
+        found.append(
+            f"{space.cell.name} was fitted in three dimensions; in the plane, as on the gp tasks "
+            "and in finite elements, the same parameters make another law"
+        )
     if lost := [name for name, known in identifiability.identifiable.items() if not known]:
         found.append(
             f"the tests do not identify {', '.join(lost)}: other values fit as well; fix "
@@ -292,7 +297,7 @@ def _warnings(
         )
     best = int(minimum.cost.argmin())
     if not bool(minimum.converged[best]):
-        found.append("the search ended before it converged; allow more iterations")
+        found.append("the search ended before it converged; allow more with --iterations")
     stopped = [
         name
         for name, number in zip(space.names, vector.tolist(), strict=True)

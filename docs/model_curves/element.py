@@ -16,10 +16,10 @@ from granbench.cell import Conditions
 from granbench.element_test import run_test
 from granbench.errors import ModelError
 from granbench.models import ClassicalCell
+from granbench.paths.answer_files import answer_records
 from granbench.paths.mixed_control import MixedControl, isotropic_stress
 from granbench.paths.programme import Floats
 from granbench.paths.standard_tests import find_test
-from granbench.paths.strain_files import answer_records
 from granbench.plotting.model import Panel
 
 KILO = 1e3

@@ -114,7 +114,7 @@ def evaluate(
             title=title or getattr(candidate.baseline, "title", None),
             authors=_authors(authors, candidate),
             code=code,
-            role=role or ("model" if candidate.trained else "floor"),
+            role=role or ("floor" if candidate.floor else "model"),
             parameters=candidate.parameters,
             training_data=training_data or _training_data(candidate, records.attrs),
             licence=licence or (HOUSE_LICENCE if candidate.baseline else "not stated"),

@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from granbench.cli.drive import start_scalars
+from granbench.cli.drive_options import scalars_at_start
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import AnalysisError, ConfigurationError
 
@@ -120,7 +120,7 @@ def fem(
     # Threads that wait for each other cost more than they do, at some hundred points.
     torch.set_num_threads(1)
     made = ModelChoice(cell, parameter_set, params, task).cell("plane")
-    scalars = start_scalars(e0, ocr, start)
+    scalars = scalars_at_start(e0, ocr, start)
     _refuse_unused(scalars, made, chosen)
     with stopped_by_sigterm(), _bar(made.name, quiet or as_json) as advance:
         analysis = run(chosen, made, solver=settings, mesh=mesh, scalars=scalars, on_step=advance)
@@ -194,7 +194,7 @@ def _end(analysis: "Analysis", out: Path) -> None:
 def _write_pictures(analysis: "Analysis", vtu: Path | None, plot: Path | None) -> Path | None:
     index = None
     if vtu is not None:
-        from granbench.fem.vtu import write_series
+        from granbench.plotting.paraview import write_series
 
         index = write_series(analysis.dataset, vtu)
     if plot is not None:

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 PARAMETERS = "parameters.json"
 RECORDS = "tests.nc"
+WIDE, VAST = 4.0, 100.0
+"""An interval that is so many times its value wide, or over whose ends differ by such a factor,
+tells next to nothing."""
 
 
 def fit(
@@ -273,8 +276,8 @@ def _tables(report: dict[str, Any]) -> Iterator[Table]:
         table.add_column(heading, justify="right" if heading in ("value",) else "left")
     for row in report["parameters"]:
         interval = row["interval_95"]
-        shown = "fixed" if interval is None else f"{interval[0]:.4g} to {interval[1]:.4g}"
-        known = "not identified" if row["identifiable"] is False else ""
+        shown = "–" if interval is None else f"{interval[0]:.4g} to {interval[1]:.4g}"
+        known = _known(row)
         table.add_row(row["name"], row["symbol"], f"{row['value']:.6g}", shown, row["units"], known)
     yield table
     table = _plain("error of each test, % of the range of what was measured")
@@ -289,6 +292,17 @@ def _tables(report: dict[str, Any]) -> Iterator[Table]:
         role = "" if row["role"] == "fitted" else row["role"]
         table.add_row(row["test"], role, f"{100.0 * row['error']:.3g}", *shown_parts)
     yield table
+
+
+def _known(row: dict[str, Any]) -> str:
+    """How well the tests fix a parameter, where that is not what its interval says."""
+    if not row["free"]:
+        return "held"
+    if row["identifiable"] is False:
+        return "not identified"
+    low, high = row["interval_95"]
+    wide = high - low > WIDE * abs(row["value"]) or 0.0 < VAST * low < high
+    return "hardly identified" if wide else ""
 
 
 def _plain(title: str) -> Table:

@@ -8,7 +8,7 @@ import pooch
 import xarray as xr
 
 from granbench.data.fetch import Progress, fetch, folders_of, why_not
-from granbench.data.registry import RegistryEntry
+from granbench.data.registry import RegistryEntry, entries
 from granbench.data.registry import entry as registry_entry
 from granbench.data.splits import select_split
 from granbench.errors import DatasetError
@@ -123,7 +123,8 @@ def file_of(name_or_file: str, progress: Progress | None = None) -> Path:
     path = Path(name_or_file)
     if path.is_file():
         return path
-    if path.is_dir():
+    # A folder of that name, as `granbench generate` leaves behind, does not hide the dataset.
+    if path.is_dir() and name_or_file not in {entry.id for entry in entries()}:
         raise DatasetError(f"{name_or_file}: is a folder; give a netCDF file in it")
     if not REGISTERED_NAME.fullmatch(name_or_file):
         raise DatasetError(

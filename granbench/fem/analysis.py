@@ -61,6 +61,8 @@ def run(
         problem = find_problem(problem)
     problem = problem.confined_for(cell)
     settings = solver if not isinstance(solver, str) else settings_for(problem, solver)
+    if isinstance(settings, ImplicitSettings):
+        settings = settings.suited_to(cell)
     mesh_name = mesh if isinstance(mesh, str) else None if mesh else problem.default_mesh
     if not isinstance(mesh, PlaneMesh):
         mesh = problem.mesh(mesh)

@@ -21,12 +21,13 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+import torch
 
 from granbench.errors import AnalysisError
 from granbench.fem.gauss_points import GaussPoints
 from granbench.fem.loading import AssembledLoading
 from granbench.fem.mesh import Floats
-from granbench.fem.operators import Operators
+from granbench.fem.operators import Operators, product
 from granbench.fem.result import Recorder
 from granbench.fem.time_step import ExplicitSettings, choose_time_step
 
@@ -63,7 +64,9 @@ def solve_explicit(
     motion.record(recorder, time.perf_counter() - begin)
     total = per_output * settings.outputs
     for output in range(1, settings.outputs + 1):
-        motion.advance((output - 1) * per_output, output * per_output)
+        # Nothing asks for a gradient from here on, and torch then keeps no account of its calls.
+        with torch.inference_mode():
+            motion.advance((output - 1) * per_output, output * per_output)
         motion.check_stability(output * per_output)
         motion.record(recorder, time.perf_counter() - begin)
         if on_step is not None:
@@ -103,7 +106,7 @@ class _Motion:
         points, loading = self.points, self.loading
         # Local names, and results into arrays that are there: the loop runs thousands of times
         # over a few hundred numbers, where a call costs more than what it does.
-        strain_of, force_of = self.operators.strain, self.operators.force
+        strain_of, force_of = product(self.operators.strain), product(self.operators.force)
         gain, loss, mass, unit = self.gain, self.loss, self.mass, loading.unit
         relative, displacement, nodes = self.relative, self.displacement, len(mass) // 2
         damping_mass = (self.rate / self.dt) * mass
@@ -139,9 +142,9 @@ class _Motion:
             multiply(change, change, squares)
             add(squares_x, squares_y, squares_x)
             np.maximum(largest, squares_x, out=largest)
-            stress = points.step(strain_of @ du, begin + local + 1)
+            stress = points.step(strain_of(du), begin + local + 1)
             points.accept()
-            previous, internal = internal, force_of @ stress
+            previous, internal = internal, force_of(stress)
             internal_work += previous @ du + internal @ du
             work = external @ du
             external_work += work

@@ -18,10 +18,12 @@ from __future__ import annotations
 
 import abc
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+import torch
 
+from granbench.cell import MaterialCell
 from granbench.errors import ConfigurationError
 from granbench.fem.balance import Balance
 from granbench.fem.gauss_points import MaterialFailure
@@ -48,6 +50,11 @@ has a singular tangent, of which a small share of elasticity makes the least mot
 Linearised = tuple[Floats, Floats, float, Floats]
 """An increment, the forces out of balance, their size, and the tangent there."""
 
+TOLERANCE = 1e-6
+SINGLE_TOLERANCE = 1e-4
+"""A network's stress is the sum of larger numbers in single precision, which at a first small load
+step shows at 1e-5 of it."""
+
 MEMORY = 10
 """Iterates that Anderson's acceleration looks back on."""
 
@@ -61,7 +68,7 @@ class ImplicitSettings:
     steps : number of load steps
     scheme : a key of `SCHEMES`
     tolerance : of the forces out of balance, relative to the largest nodal forces so far (their
-        Euclidean norms)
+        Euclidean norms); by default `TOLERANCE`, for a cell in single precision `SINGLE_TOLERANCE`
     displacement_tolerance : of the scheme `restart`, which stops by it instead
     iterations : most in a piece of a load step; by default those of the scheme
     cuts : how often a load step may be halved
@@ -77,7 +84,7 @@ class ImplicitSettings:
 
     steps: int = 100
     scheme: str = "newton"
-    tolerance: float = 1e-6
+    tolerance: float | None = None
     displacement_tolerance: float = 1e-4
     iterations: int | None = None
     cuts: int = 8
@@ -99,6 +106,13 @@ class ImplicitSettings:
             raise ConfigurationError(
                 f"a stiffness has the shape {np.shape(self.stiffness)}; it must be (3, 3)"
             )
+
+    def suited_to(self, cell: MaterialCell) -> ImplicitSettings:
+        """The settings with the tolerance that they have by default for a cell, if none is set."""
+        if self.tolerance is not None:
+            return self
+        single = torch.finfo(cell.dtype).eps > torch.finfo(torch.float64).eps
+        return replace(self, tolerance=SINGLE_TOLERANCE if single else TOLERANCE)
 
 
 @dataclass(frozen=True)
@@ -131,6 +145,7 @@ class Scheme(abc.ABC):
 
     def __init__(self, settings: ImplicitSettings, balance: Balance) -> None:
         self.settings, self.balance = settings, balance
+        self.tolerance = TOLERANCE if settings.tolerance is None else settings.tolerance
         self.limit = settings.iterations or self.most
 
     @abc.abstractmethod
@@ -153,13 +168,13 @@ class Newton(Scheme):
         rest, error, tangent = balance.linearised(increment)
         errors = [error]
         self._farthest = FARTHEST * float(np.abs(guess).max())
-        while error > self.settings.tolerance and len(errors) <= self.limit:
+        while error > self.tolerance and len(errors) <= self.limit:
             found = self._improved(increment, rest, max(errors[-LOOK_BACK:]), tangent)
             if found is None:
                 break
             increment, rest, error, tangent = found
             errors.append(error)
-        return Outcome(increment, tuple(errors), error <= self.settings.tolerance)
+        return Outcome(increment, tuple(errors), error <= self.tolerance)
 
     def _improved(
         self, increment: Floats, rest: Floats, ceiling: float, tangent: Floats
@@ -272,14 +287,14 @@ class InitialStiffness(Scheme):
         rest, error = balance.residual(increment)
         errors = [error]
         correction = self._solve(rest)
-        while error > self.settings.tolerance and len(errors) <= self.limit:
+        while error > self.tolerance and len(errors) <= self.limit:
             move = iterates.accelerated(correction)
             increment = balance.moved(increment, move)
             rest, error = balance.residual(increment)
             errors.append(error)
             before, correction = correction, self._solve(rest)
             iterates.remember(move, correction - before)
-        return Outcome(increment, tuple(errors), error <= self.settings.tolerance)
+        return Outcome(increment, tuple(errors), error <= self.tolerance)
 
 
 SCHEMES: dict[str, type[Scheme]] = {

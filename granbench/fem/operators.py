@@ -21,6 +21,11 @@ import skfem
 from scipy import sparse
 from scipy.sparse import csr_array
 
+try:
+    from scipy.sparse._sparsetools import csr_matvec
+except ImportError:  # it is scipy's own affair, and may move
+    csr_matvec = None
+
 from granbench.fem.mesh import Floats, PlaneMesh
 
 
@@ -183,6 +188,24 @@ def _global(local: Floats, dofs: np.ndarray, columns: int) -> csr_array:
         (local[kept], (row[kept], column[kept])), shape=(components * count, columns)
     )
     return _compact(csr_array(matrix))
+
+
+def product(matrix: csr_array) -> Callable[[Floats], Floats]:
+    """What multiplies a matrix with a vector, as ``matrix @ vector`` and at half its cost.
+
+    At some hundred Gauss points scipy takes as long to look at its arguments as to multiply.
+    """
+    if csr_matvec is None:
+        return matrix.__matmul__
+    rows, columns = matrix.shape
+    parts = (rows, columns, matrix.indptr, matrix.indices, matrix.data)
+
+    def times(vector: Floats) -> Floats:
+        result = np.zeros(rows)
+        csr_matvec(*parts, vector, result)
+        return result
+
+    return times
 
 
 def _compact(matrix: csr_array) -> csr_array:

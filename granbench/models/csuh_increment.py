@@ -157,6 +157,25 @@ class Increment:
         return torch.where(apart, kept, 1.0) * dstrain
 
     def _way(self, elastic: _ElasticLine, hardening: Tensor, m: Material) -> _Way:
+        """How a piece goes, from the excess at both ends of its elastic line.
+
+        The elastic region is convex and the line straight, so the signs at the ends decide:
+
+        - where the line ends inside, all of it is elastic. One that would end below the floor is
+          looked at where it meets the floor, and ends there;
+        - where it begins inside and ends outside, it crosses once, at a root of the excess;
+        - where it begins on the surface and ends outside, it is plastic from the start if the
+          excess grows at first; if it falls, the piece unloads, and then crosses.
+
+        A stress outside of its surface, as a true record may give it, lifts H so that the surface
+        runs through it.
+
+        Parameters
+        ----------
+        elastic : the elastic line of the whole piece
+        hardening : H, (point,)
+        m : the material
+        """
         tiny = ROUNDINGS * torch.finfo(hardening.dtype).eps
         p, dp, b, plane = elastic
         cubic = plane.cubic_0 if self.flags.lode_dependent else None
@@ -212,7 +231,24 @@ class Increment:
         ratio: Ratio,
         m: Material,
     ) -> Tensor:
-        """Rate of the excess along an elastic line."""
+        """Rate of the excess E along an elastic line, by the share of it.
+
+        With ' for the rate, z = sin(3 theta) and 1/M proportional to 7 - z,
+
+            E  = p^2 - p_x p + q^2 (1 + chi p_x/p)/M^2,
+            E' = (2 p - p_x) p' + ((1 + chi p_x/p) w - q^2 chi p_x p'/p^2)/M^2,
+            w  = (q^2)' - 2 q^2 z'/(7 - z),   q^2 z' = (q^3 z)'/q - 3/2 z (q^2)',
+
+        where q^2 and q^3 z are polynomials of the share, and w = (q^2)' where M is constant.
+
+        Parameters
+        ----------
+        elastic : the line
+        share : where on it, (point,)
+        size : p_x, Pa
+        square, ratio : q^2 and the stress ratio there
+        m : the material
+        """
         one, plane = torch.ones_like(share), elastic.plane
         p, b = torch.addcmul(elastic.p, share, elastic.dp), share * elastic.b
         square_rate = plane.square_slope(one, b) * elastic.b

@@ -16,9 +16,10 @@ give, with the hardening dH = L (F - y^2)/(C + y)^2 and L from consistency,
     l = n K d eps_v + (1 + chi)/(p M^2) ((7 + 2 z) dq^2/db - 2 d(q^3 z)/db/q)/(7 - z) 2 G,
     h = (C + y)(n K (C - y) + 12 G (1 + chi) y/M^2) + D (F - y^2)/c_p,
     dp = K (d eps_v - phi (C - y)),   da = -6 G phi a/(p M^2),   db = 2 G - 6 G phi b/(p M^2).
- M = 6 M_com/(7 - z) with z = sin(3 theta) (Eq 7.35) is taken as it is
-on the way, with its rate: the flow has no part from the gradient of M, and as plastic strain
-scales s, it leaves z alone, so that dM comes from the elastic part of ds only.
+
+M = 6 M_com/(7 - z) with z = sin(3 theta) (Eq 7.35) is taken as it is on the way, with its rate: the
+flow has no part from the gradient of M, and as plastic strain scales s, it leaves z alone, so that
+dM comes from the elastic part of ds only.
 
 While a point yields f = 0 holds to the last bit, because H is read from it at the end; the
 integrated H serves as a measure of the error.

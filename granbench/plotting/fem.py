@@ -9,7 +9,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from granbench.fem.vtu import element_means
+from granbench.plotting.paraview import element_means
 from granbench.plotting.style import figure_grid, house_style, model_styles
 
 SHADES = "cividis"

@@ -296,6 +296,18 @@ def test_tension_is_refused_where_the_model_has_none(drive, tmp_path):
     assert drive("j2", "--path", "tension.csv", "--out", "out.csv")[0] == 0
 
 
+def test_a_principal_stress_that_becomes_tensile_is_said(drive, tmp_path):
+    words = ["--control", "triaxial-drained", "--p0", "1e5", "--steps", "20", "--out", "out.csv"]
+    code, out, _ = drive("modified-cam-clay", *words, "--strain", "-0.1", "--ocr", "8")
+    assert code == 0
+    with open(tmp_path / "out.csv") as file:
+        axial = [float(row["sig_11"]) for row in csv.DictReader(file)]
+    first = next(row for row, stress in enumerate(axial, start=1) if stress < 0.0)
+    assert f"tensile from row {first} on, at most {-min(axial) / 1e3:.3g} kPa" in out
+    code, out, _ = drive("modified-cam-clay", *words, "--strain", "0.1", "--ocr", "8")
+    assert (code, "tensile" in out) == (0, False)
+
+
 def test_a_stress_beyond_the_strength_is_an_error(drive, tmp_path):
     (tmp_path / "strong.csv").write_text("sig_11,sig_22,sig_33\n1e5,1e5,1e5\n4e5,1e5,1e5\n")
     refused(drive("j2", "--path", "strong.csv", "--out", "out.csv"), "row 2 (line 3)", "is missed")

@@ -75,7 +75,10 @@ def test_a_fitted_cell_is_scored_like_any_model(laboratory: Path, tmp_path: Path
     assert run("fit", "j2", "--data", laboratory, "--out", out, *QUICK) == 0
     task = ("--task", "gp-j2-mini", "--axis", "rollout", "--seeds", "0")
     assert run("evaluate", out / "parameters.json", *task, "--out", card, "--quiet") == 0
-    scores = json.loads(card.read_text())["scores"]
+    submission = json.loads(card.read_text())
+    # Every fit calls its file alike; its folder says which it is.
+    assert submission["name"] == "j2-fit"
+    scores = submission["scores"]
     found = [s for s in scores if s["metric"] == "stress_mse_mean" and s["status"] == "scored"]
     assert found
     assert all(score["value"] > 0.0 for score in found)
@@ -128,7 +131,10 @@ def test_isotropic_compression_tells_the_bulk_modulus_alone(
     data = write_csv(tmp_path / "iso.csv", HEADERS[:4], columns)
     words = ("fit", "j2", "--data", data, "--out", tmp_path / "fit", *QUICK[:-1])
     assert run(*words, "--free", "bulk_modulus", "--strain-measure", "logarithmic") == 0
-    assert "note: no shear in iso" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "note: no shear in iso" in out
+    assert "note: j2 was fitted in three dimensions" in out
+    assert "fixed" not in out and out.count(" held") == 2  # what --free left out
     found = json.loads((tmp_path / "fit" / "parameters.json").read_text())["parameters"]
     # 25 kPa for each per cent.
     assert found["bulk_modulus"] == pytest.approx(2.5e6, rel=1e-6)

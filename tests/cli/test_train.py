@@ -104,6 +104,15 @@ def test_a_file_in_the_place_of_the_folder_is_one_sentence(
     assert taken.read_text() == "mine"
 
 
+def test_a_model_that_cannot_start_leaves_no_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    # The paths of gp-j2 start without stress, and CSUH under compression only.
+    assert run("train", "csuh-fitted", "--task", "gp-j2-mini", "--out", tmp_path / "m") == 2
+    assert "starts at a mean stress of 0 Pa" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_folder_of_another_run_is_refused(
     records_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:

@@ -3,12 +3,14 @@
 import errno
 import os
 import threading
+from pathlib import Path
 
 import pytest
 from http_mirror import Mirror, serve
 
 from granbench.data.fetch import fetch
-from granbench.errors import DownloadError
+from granbench.data.store import file_of
+from granbench.errors import DatasetError, DownloadError
 
 
 @pytest.fixture
@@ -199,3 +201,14 @@ def test_two_at_once_fetch_it_once(shelf, published, content, tmp_path):
             worker.join()
     assert len(mirror.requests) == 1
     assert (tmp_path / published.file).read_bytes() == content
+
+
+def test_a_folder_of_the_same_name_does_not_hide_a_dataset(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("gp-j2-mini", "mine"):
+        (tmp_path / name).mkdir()
+    assert file_of("gp-j2-mini").suffix == ".nc"
+    with pytest.raises(DatasetError, match="is a folder"):
+        file_of("mine")

@@ -3,6 +3,7 @@
 import runpy
 from pathlib import Path
 
+import fem_network
 import fem_page
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from page_parts import markers, write_picture
 from test_pages import ROOT, blocks, printed, run_command
 
 from granbench.fem import PROBLEMS, run
-from granbench.plotting.fem_problem import problem_figure
+from granbench.fem.drawing import problem_figure
 
 PAGE = "docs/fem.md"
 EXAMPLE = "docs/examples/footing_on_a_model.py"
@@ -33,6 +34,17 @@ def test_tables_of_problems_are_what_the_code_makes(part: str) -> None:
 @pytest.mark.parametrize("part", ["limits", "speeds"])
 def test_tables_of_results_are_what_the_code_makes(part: str) -> None:
     assert fem_page.analysed_parts()[part] == written(part)
+
+
+@pytest.mark.slow
+def test_the_table_of_networks_is_what_the_boards_networks_do() -> None:
+    assert fem_network.network_part(fem_network.analyses()) == written("network")
+
+
+def test_networks_on_the_page_are_those_of_the_board() -> None:
+    assert list(fem_network.networks()) == ["0", "1", "2"]
+    header = written("network").splitlines()[0]
+    assert all(f"seed {seed}" in header for seed in (0, 1, 2))
 
 
 def test_every_problem_is_drawn_with_what_holds_and_moves_it(tmp_path: Path) -> None:

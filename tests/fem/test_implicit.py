@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from driven_cells import elastic
 from plane_bodies import STIFFNESS, elastic_cell
 from torch import Tensor
 
 from granbench.cell import ModuleCell
 from granbench.errors import AnalysisError, ConfigurationError
 from granbench.fem import ImplicitSettings, run
-from granbench.fem.iteration import SCHEMES
+from granbench.fem.iteration import SCHEMES, SINGLE_TOLERANCE, TOLERANCE
 from granbench.fem.problems.biaxial import Biaxial
 from granbench.models import MODELS
 
@@ -137,3 +138,18 @@ def test_cell_without_a_useful_tangent_says_so_and_converges_with_a_given_stiffn
 def test_setting_out_of_range_is_refused_by_name(choice: dict, sentence: str) -> None:
     with pytest.raises(ConfigurationError, match=sentence):
         ImplicitSettings(**choice)
+
+
+def test_a_cell_in_single_precision_is_balanced_as_well_as_its_stress_is_known() -> None:
+    single = elastic("plane", dtype=torch.float32)
+    settings = ImplicitSettings(steps=4)
+    assert settings.suited_to(single).tolerance == SINGLE_TOLERANCE
+    assert settings.suited_to(elastic("plane")).tolerance == TOLERANCE
+    chosen = ImplicitSettings(tolerance=1e-3)
+    assert chosen.suited_to(single) is chosen
+    runs = [
+        run("biaxial", cell, solver=settings, mesh="coarse").check()
+        for cell in (single, elastic("plane"))
+    ]
+    reactions = [analysis["reaction"].values for analysis in runs]
+    np.testing.assert_allclose(reactions[0], reactions[1], rtol=10 * SINGLE_TOLERANCE)

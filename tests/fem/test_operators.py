@@ -8,7 +8,7 @@ from plane_bodies import LAME, SHEAR, STIFFNESS, Body, bounded_by, distorted, el
 from granbench.errors import ConfigurationError
 from granbench.fem import ImplicitSettings, PlaneMesh, rectangle, run
 from granbench.fem.mesh import ELEMENTS
-from granbench.fem.operators import build_operators
+from granbench.fem.operators import build_operators, product
 
 ROUNDING = 1e-12
 """Relative: sums of some hundred products in double precision."""
@@ -179,3 +179,10 @@ def test_unknown_boundary_and_missing_node_are_named() -> None:
         mesh.nodes_on("lid")
     with pytest.raises(ConfigurationError, match=r"no node lies at \(0.3, 0\); the nearest is at"):
         mesh.node_at(0.3, 0.0)
+
+
+@pytest.mark.parametrize("element", ["quad8", "tri3"])
+def test_product_is_that_of_the_matrix(element: str) -> None:
+    operators = build_operators(rectangle(0.5, 1.0, 3, 5, element))
+    vector = np.random.default_rng(0).normal(size=2 * operators.node_count)
+    np.testing.assert_array_equal(product(operators.strain)(vector), operators.strain @ vector)

@@ -19,7 +19,8 @@ def invariants(stress: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     s = stress - p
     square = 1.5 * (s * s).sum(axis=0)
     q = np.sqrt(np.where(square == 0.0, 1e-300, square))
-    return p, q, np.where(square == 0.0, 1.0, 13.5 * s[0] * s[1] * s[2] / q**3)
+    cube = np.where(square == 0.0, 1.0, q**3)
+    return p, q, np.where(square == 0.0, 1.0, 13.5 * s[0] * s[1] * s[2] / cube)
 
 
 def gradient(function, stress: np.ndarray) -> np.ndarray:

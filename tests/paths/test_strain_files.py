@@ -6,13 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from granbench.errors import ConfigurationError
-from granbench.paths.strain_files import (
-    STRAIN,
-    STRESS,
-    answer_records,
-    read_path,
-    write_answer,
-)
+from granbench.paths.answer_files import answer_records, write_answer
+from granbench.paths.strain_files import STRAIN, STRESS, read_path
 from granbench.records import open_records, verify, write_records
 
 PLANE = "eps_xx,eps_yy,eps_xy\n"

@@ -1,6 +1,6 @@
 import numpy as np
 
-from granbench.paths.strain_files import answer_records
+from granbench.paths.answer_files import answer_records
 from granbench.plotting.element_test import MOST_CURVES, element_test_figure, path_invariants
 from granbench.plotting.style import model_styles
 

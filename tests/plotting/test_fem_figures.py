@@ -5,9 +5,9 @@ import pytest
 import xarray as xr
 
 from granbench.fem import find_problem, run
-from granbench.fem.vtu import element_means
 from granbench.models import MODELS
 from granbench.plotting.fem import analysis_figure, outlines, shear_strain
+from granbench.plotting.paraview import element_means
 from granbench.plotting.style import model_styles
 from granbench.tensors import deviatoric_stress
 

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from granbench.errors import DatasetError
-from granbench.paths.strain_files import answer_records
+from granbench.paths.answer_files import answer_records
 from granbench.plotting.model import QUANTITIES, ClosedForm, Panel, model_figure
 from granbench.plotting.style import ordered_colours
 from granbench.tensors import COMPONENT_ORDERS, deviatoric_stress

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from difflib import get_close_matches
 from typing import Any
 
-from granbench.errors import ConfigurationError
+from granbench.errors import ConfigurationError, alternatives
 from granbench.fem.problems.biaxial import Biaxial
 from granbench.fem.problems.dog_bone import DogBone
 from granbench.fem.problems.perforated_plate import PerforatedPlate
@@ -39,9 +38,7 @@ def find_problem(name: str, **choices: Any) -> Problem:
         If there is no such problem or choice, or a choice is out of range.
     """
     if name not in PROBLEMS:
-        near = get_close_matches(name, PROBLEMS, n=1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
-        raise ConfigurationError(f"unknown problem {name!r}: {hint}there are {', '.join(PROBLEMS)}")
+        raise ConfigurationError(f"unknown problem {name!r}: {alternatives(name, PROBLEMS)}")
     kind = PROBLEMS[name]
     known = [field.name for field in fields(kind)]
     for choice in choices:

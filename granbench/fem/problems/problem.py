@@ -6,13 +6,12 @@ import abc
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
-from difflib import get_close_matches
 from typing import ClassVar, Self
 
 import numpy as np
 
 from granbench.cell import MaterialCell
-from granbench.errors import ConfigurationError
+from granbench.errors import ConfigurationError, alternatives
 from granbench.fem.iteration import ImplicitSettings
 from granbench.fem.loading import Loading, LoadingHistory, Pressure
 from granbench.fem.mesh import Floats, PlaneMesh
@@ -158,10 +157,8 @@ class Problem(abc.ABC):
         """
         name = name or self.default_mesh
         if name not in self.meshes:
-            near = get_close_matches(name, self.meshes, n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
             raise ConfigurationError(
-                f"{self.name} has no mesh {name!r}: {hint}there are {', '.join(self.meshes)}"
+                f"{self.name} has no mesh {name!r}: {alternatives(name, self.meshes)}"
             )
         return self.meshes[name]()
 

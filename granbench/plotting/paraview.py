@@ -9,9 +9,9 @@ from xml.sax.saxutils import quoteattr
 import meshio
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from granbench.errors import AnalysisError
-from granbench.fem.mesh import Floats
 from granbench.tensors import COMPONENT_ORDERS
 from granbench.whole_file import whole_file
 
@@ -19,7 +19,7 @@ CELL_TYPES = {"quad8": "quad8", "quad4": "quad", "tri3": "triangle", "tri6": "tr
 """meshio's name of each element; corners come first in both, then the middles of the edges."""
 
 
-def element_means(dataset: xr.Dataset, name: str) -> Floats:
+def element_means(dataset: xr.Dataset, name: str) -> NDArray[np.float64]:
     """A Gauss-point variable averaged over each element, (step, element, ...).
 
     Parameters
@@ -79,7 +79,7 @@ def write_series(dataset: xr.Dataset, folder: Path | str) -> Path:
     return index
 
 
-def _element_fields(dataset: xr.Dataset) -> Iterator[tuple[str, Floats]]:
+def _element_fields(dataset: xr.Dataset) -> Iterator[tuple[str, NDArray[np.float64]]]:
     for name in ("stress", "strain"):
         means = element_means(dataset, name)
         for number, label in enumerate(COMPONENT_ORDERS["plane"]):

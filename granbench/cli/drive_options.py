@@ -1,0 +1,193 @@
+"""What the options of `granbench drive` ask for: the path or test, and the start."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from granbench.errors import ConfigurationError
+from granbench.plausible import LARGEST_STRAIN
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from granbench.cell import MaterialCell
+    from granbench.driven_model import ModelChoice, Start
+    from granbench.driving import Course
+    from granbench.paths.strain_files import PathTable
+
+DEFAULT_STRAIN = 0.2
+DEFAULT_STEPS = 200
+
+
+@dataclass(frozen=True)
+class AskedCourse:
+    """The path or test that the options name, each None where it is not given.
+
+    Parameters
+    ----------
+    path : file of strains or records
+    control : name of a standard test
+    strain, turning_points, steps, b : of that test
+    order : component order of a classical model
+    """
+
+    path: Path | None
+    control: str | None
+    strain: float | None
+    turning_points: str | None
+    steps: int | None
+    b: float | None
+    order: str | None
+
+    def prepared(
+        self, choice: "ModelChoice", start: "Start"
+    ) -> tuple["MaterialCell", "Course", "Tensor"]:
+        """The cell, what it is taken along, and its state (point, n_state) at the start.
+
+        Raises
+        ------
+        GranbenchError
+            Naming the option, or file, row and column, that makes no sense or goes with no other.
+        """
+        if self.path is not None and self.path.suffix == ".nc":
+            return self._along_records(choice, start)
+        from granbench.paths.strain_files import read_path
+
+        table = None if self.path is None else read_path(self.path)
+        if table is not None and table.driving_column is None:
+            return self._along_table(table, choice, start)
+        return self._through_test(table, choice, start)
+
+    def _along_records(
+        self, choice: "ModelChoice", start: "Start"
+    ) -> tuple["MaterialCell", "Course", "Tensor"]:
+        from granbench.data.adapters import conditions_of
+        from granbench.driving import Course
+        from granbench.records import open_records
+        from granbench.tensors import component_order
+
+        self._refuse_test_options()
+        with open_records(self.path or "") as opened:
+            records = opened.load()
+        cell = choice.cell(component_order(tuple(str(c) for c in records["component"].values)))
+        course = Course.of_records(records, str(self.path), cell)
+        return cell, course, start.state(cell, conditions_of(records))
+
+    def _along_table(
+        self, table: "PathTable", choice: "ModelChoice", start: "Start"
+    ) -> tuple["MaterialCell", "Course", "Tensor"]:
+        from granbench.driving import Course
+
+        self._refuse_test_options()
+        cell = choice.cell(table.order)
+        state = start.state(cell)
+        stress = state[0, cell.layout["stress"]].double().numpy()
+        return cell, Course.of_table(table, stress, cell), state
+
+    def _through_test(
+        self, table: "PathTable | None", choice: "ModelChoice", start: "Start"
+    ) -> tuple["MaterialCell", "Course", "Tensor"]:
+        from granbench.driving import Course, cell_for_test
+        from granbench.paths.standard_tests import find_test, strain_history
+
+        if self.control is None:
+            raise ConfigurationError(
+                f"{self.path}: column {table.driving_column} drives a standard test; add --control "
+                "NAME"
+                if table
+                else "there is nothing to follow; give --control NAME, or --path FILE with strains"
+            )
+        test = find_test(self.control)
+        if self.b is not None and not 0.0 <= self.b <= 1.0:
+            raise ConfigurationError(f"--b {self.b:g} must lie in [0, 1]")
+        if table is None:
+            corners = _numbers("--turning-points", self.turning_points)
+            end = DEFAULT_STRAIN if self.strain is None else self.strain
+            for option, driven in (("--strain", [end]), ("--turning-points", corners)):
+                _check_driving(option, driven)
+            steps = DEFAULT_STEPS if self.steps is None else self.steps
+            history = strain_history([*corners, end], steps)
+        else:
+            self._refuse(
+                ("--strain", self.strain),
+                ("--turning-points", self.turning_points),
+                ("--steps", self.steps),
+                why=f"{self.path} gives the driving strain",
+            )
+            history = table.history()
+        pressure = start.isotropic_pressure("a standard test")
+        programme = test.programme(pressure, float(abs(history).max()), self.b)
+        column = "eps_shear" if programme.driving_component == "xy" else "eps_axial"
+        if table is not None and table.driving_column != column:
+            raise ConfigurationError(
+                f"{self.path}: column {table.driving_column} does not drive {self.control}; name "
+                f"it {column}"
+            )
+        cell = cell_for_test(choice, programme, self.order)
+        course = Course.of_test(self.control, programme, history, cell.order, table)
+        return cell, course, start.state(cell)
+
+    def _refuse_test_options(self) -> None:
+        self._refuse(
+            ("--control", self.control), ("--strain", self.strain),
+            ("--turning-points", self.turning_points), ("--steps", self.steps), ("--b", self.b),
+            ("--order", self.order), why=f"{self.path} prescribes every component",
+        )  # fmt: skip
+
+    @staticmethod
+    def _refuse(*options: tuple[str, object], why: str) -> None:
+        for option, value in options:
+            if value is not None:
+                raise ConfigurationError(f"{option} is given, but {why}; leave one of them out")
+
+
+def scalars_at_start(
+    e0: float | None, ocr: float | None, start: Sequence[str] | None
+) -> dict[str, float]:
+    """What is known at the start beside the pressure, under dataset names.
+
+    Parameters
+    ----------
+    e0, ocr : void ratio and overconsolidation ratio, None where not given
+    start : texts NAME=VALUE
+
+    Raises
+    ------
+    ConfigurationError
+        If a text is no such pair, or something is given twice.
+    """
+    given = [("initial_void_ratio", e0), ("overconsolidation_ratio", ocr)]
+    for text in start or ():
+        name, sign, number = text.partition("=")
+        if not (sign and name.isidentifier()):
+            raise ConfigurationError(f"--start {text!r}: give NAME=VALUE, as grading_index=1.06")
+        given.append((name, _numbers(f"--start {name}", number)[0]))
+    scalars: dict[str, float] = {}
+    for name, value in given:
+        if name in scalars:
+            raise ConfigurationError(f"{name} at the start is given twice; leave one out")
+        if value is not None:
+            scalars[name] = value
+    if "initial_void_ratio" in scalars and "overconsolidation_ratio" in scalars:
+        raise ConfigurationError("--e0 and --ocr both set the density at the start; give one")
+    return scalars
+
+
+def _numbers(option: str, text: str | None) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")] if text is not None else []
+    except ValueError as error:
+        raise ConfigurationError(f"{option} {text!r} is not a number or a list of them") from error
+
+
+def _check_driving(option: str, strains: Sequence[float]) -> None:
+    for strain in strains:
+        if not math.isfinite(strain):
+            raise ConfigurationError(f"{option} {strain:g} is not a finite number; mend it")
+        if abs(strain) > LARGEST_STRAIN:
+            raise ConfigurationError(
+                f"{option} {strain:g} is beyond {LARGEST_STRAIN:g}; strain has no unit: write 0.2 "
+                "for 20 %"
+            )
