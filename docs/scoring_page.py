@@ -1,8 +1,9 @@
 """Write the generated parts of docs/scoring.md.
 
-``python docs/scoring_page.py`` from the root of the checkout writes the table of checks from
-their definitions; a test checks it. With submissions of the physics and cost axes as arguments
-(``python docs/scoring_page.py j2.json ...``) it also writes the measured tables from them.
+``python docs/scoring_page.py`` from the root of the checkout writes the tables of checks
+and of the metrics of analyses from their definitions; a test checks it. With submissions of the
+physics and cost axes as arguments (``python docs/scoring_page.py j2.json ...``) it also
+writes the measured tables from them.
 """
 
 import sys
@@ -14,6 +15,7 @@ from page_parts import table, with_part
 from granbench.axes import COST
 from granbench.checks import CHECKS
 from granbench.leaderboard.submission import Submission, read_submission
+from granbench.scoring.embedded import EMBEDDED_METRICS, SPEED, EmbeddedMetric
 from granbench.scoring.scorecard import ALL
 
 PAGE = Path(__file__).parent / "scoring.md"
@@ -28,6 +30,23 @@ def checks_table() -> str:
             for check in CHECKS.values()
         ],
     )
+
+
+def embedded_table() -> str:
+    """What every metric of an analysis is."""
+    return table(
+        ("metric", "definition", "the ground truth has"),
+        [
+            (f"`{metric.name}`", metric.definition, _of_the_truth(metric))
+            for metric in EMBEDDED_METRICS.values()
+        ],
+    )
+
+
+def _of_the_truth(metric: EmbeddedMetric) -> str:
+    if metric.name.endswith(SPEED):
+        return "1, up to the clock"
+    return "exactly 0" if metric.error else "1"
 
 
 def physics_table(submissions: Sequence[Submission]) -> str:
@@ -72,6 +91,7 @@ def cost_table(submissions: Sequence[Submission]) -> str:
 def page(submissions: Sequence[Submission] = ()) -> str:
     """docs/scoring.md as it should read; what was measured stays unless it is given anew."""
     text = with_part(PAGE.read_text(encoding="utf-8"), "checks", checks_table())
+    text = with_part(text, "embedded", embedded_table())
     if submissions:
         text = with_part(text, "physics", physics_table(submissions))
         text = with_part(text, "cost", cost_table(submissions))

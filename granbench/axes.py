@@ -59,9 +59,9 @@ PROTOCOLS: dict[str, ProtocolSpec] = {
 NOISE_PROTOCOLS: tuple[str, ...] = tuple(
     spec.name for spec in PROTOCOLS.values() if spec.axis == "noise"
 )
-PHYSICS, COST = "physics", "cost"
+EMBEDDED, PHYSICS, COST = "embedded", "physics", "cost"
 AXES: tuple[str, ...] = (
-    *dict.fromkeys(spec.axis for spec in PROTOCOLS.values()), PHYSICS, COST,
+    *dict.fromkeys(spec.axis for spec in PROTOCOLS.values()), EMBEDDED, PHYSICS, COST,
 )  # fmt: skip
 """What a model can be evaluated on, in the order in which it is."""
 
@@ -83,7 +83,7 @@ def chosen_axes(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def protocols_of(axes: Iterable[str]) -> tuple[ProtocolSpec, ...]:
-    """The protocols of some axes, in the order of `PROTOCOLS`; physics and cost have none.
+    """The protocols of some axes, in the order of `PROTOCOLS`; the axes after noise have none.
 
     Raises
     ------

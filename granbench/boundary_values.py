@@ -9,6 +9,7 @@ import json
 from collections.abc import Mapping
 from typing import Any, Literal
 
+import numpy as np
 import xarray as xr
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
@@ -100,6 +101,11 @@ def embedded_analyses(records: xr.Dataset) -> tuple[EmbeddedAnalysis, ...]:
             f"{where}: the {EMBEDDED_ANALYSES} differ in outputs or points; they are kept together"
         )
     return listed
+
+
+def spread_points(count: int, kept: int) -> np.ndarray:
+    """Numbers (kept,) of `kept` out of `count` Gauss points, evenly spread."""
+    return np.linspace(0, count - 1, kept).round().astype(np.int64)
 
 
 def stated(analyses: tuple[EmbeddedAnalysis, ...]) -> str:

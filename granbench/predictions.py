@@ -2,8 +2,10 @@
 
 One netCDF file a model: `stress` (seed, protocol, path, step, component) and, where the model
 has it, `void_ratio` (seed, protocol, path, step), with the record's path coordinates; for a
-dataset that a model made, `noised_truth`, that model along the noised strain; and the responses to
-the checks of the physics axis and the timings of the cost axis, see `LAYOUT`. Values are stored
+dataset that a model made, `noised_truth`, that model along the noised strain; the curves and
+Gauss-point stresses of the boundary-value problems of the embedded axis, with those of the ground
+truth; and the responses to the checks of the physics axis and the timings of the cost axis, see
+`LAYOUT`. Values are stored
 with `KEEP_BITS` bits of mantissa; NaN means that the run broke down there. Scores are computed
 from the stored values against the truth rounded alike, so that anybody reproduces them from the
 file, and a perfect model scores exactly zero.
@@ -18,6 +20,7 @@ import numpy as np
 import xarray as xr
 
 from granbench.axes import NOISE_PROTOCOLS, PROTOCOLS
+from granbench.boundary_values import SOLVERS
 from granbench.checks import STRESS_CHECKS
 from granbench.errors import ConfigurationError, SubmissionError
 from granbench.rounding import keep_mantissa
@@ -41,6 +44,12 @@ SCORED_INTERNALS = ("void_ratio",)
 PHYSICS_OBSTACLES = "physics_not_applicable"
 """Global attribute where the physics axis was run: JSON, why a check does not apply, by name."""
 
+EMBEDDED_OBSTACLE = "embedded_not_applicable"
+"""Global attribute where the embedded axis was run: why it does not apply, "" where it does."""
+
+EMBEDDED_FAILURES = "embedded_failures"
+"""Global attribute: JSON, why analyses ended early, by SEED/SOLVER/ANALYSIS."""
+
 PATH_COORDINATES = ("path_id", "specimen", "split", "loading_family")
 
 
@@ -63,6 +72,9 @@ class Stored:
 
 
 _CHECKED = ("seed", "checked_path")
+_ANALYSES = ("solver", "analysis")
+_CURVE = (*_ANALYSES, "output")
+_POINTS = (*_CURVE, "gauss_point", "component")
 LAYOUT: dict[str, Stored] = {
     "stress": Stored(
         ("seed", "protocol", "path", "step", "component"),
@@ -82,6 +94,26 @@ LAYOUT: dict[str, Stored] = {
     "kink_share": Stored(_CHECKED, "1", "share of the checked points without a derivative"),
     "cycle_work": Stored(_CHECKED, "Pa", "work that a closed strain cycle consumes, J/m3"),
     "tension_share": Stored(_CHECKED, "1", "share of steps with a tensile mean stress"),
+    "embedded_reaction": Stored(("seed", *_CURVE), "N/m", "reaction of an analysis"),
+    "embedded_volumetric_strain": Stored(("seed", *_CURVE), "1", "its global volumetric strain"),
+    "embedded_acceleration": Stored(
+        ("seed", *_CURVE), "m/s2", "its largest nodal acceleration since the last output"
+    ),
+    "embedded_stress": Stored(("seed", *_POINTS), "Pa", "its stress at some Gauss points"),
+    "embedded_seconds": Stored(("seed", *_ANALYSES), "s", "CPU time of the whole analysis"),
+    "embedded_cell_seconds": Stored(("seed", *_ANALYSES), "s", "CPU time in the model alone"),
+    "embedded_truth_reaction": Stored(_CURVE, "N/m", "reaction with the ground truth"),
+    "embedded_truth_volumetric_strain": Stored(
+        _CURVE, "1", "global volumetric strain with the ground truth"
+    ),
+    "embedded_truth_acceleration": Stored(
+        _CURVE, "m/s2", "largest nodal acceleration with the ground truth since the last output"
+    ),
+    "embedded_truth_stress": Stored(
+        _POINTS, "Pa", "stress at some Gauss points with the ground truth"
+    ),
+    "embedded_truth_seconds": Stored(_ANALYSES, "s", "CPU time with the ground truth"),
+    "embedded_truth_cell_seconds": Stored(_ANALYSES, "s", "CPU time in the ground truth alone"),
     "parameters": Stored(("seed",), "1", "trained or fitted parameters", exact=True),
     "training_seconds": Stored(("seed",), "s", "time of training; NaN: not known"),
     "update_seconds": Stored(("seed", "points"), "s", "CPU time of one update of one point"),
@@ -244,7 +276,8 @@ def _check_layout(predictions: xr.Dataset, path: Path) -> None:
             )
     if predicts:
         _check_protocols(predictions, path)
-    for dim, known in (("noise", NOISE_PROTOCOLS), ("check", STRESS_CHECKS)):
+    known_labels = {"noise": NOISE_PROTOCOLS, "check": STRESS_CHECKS, "solver": SOLVERS}
+    for dim, known in known_labels.items():
         if dim in predictions.dims and not set(predictions[dim].values) <= set(known):
             raise SubmissionError(
                 f"{path}: {dim} may be {', '.join(known)}, not "

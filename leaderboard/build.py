@@ -16,6 +16,7 @@ from granbench.axes import PROTOCOLS
 from granbench.checks import CHECKS
 from granbench.data.replicates import ReplicateScatter
 from granbench.errors import ConfigurationError, SubmissionError
+from granbench.leaderboard.analyses import analyses_tables
 from granbench.leaderboard.board import Row, slug
 from granbench.leaderboard.chart import horizon_chart
 from granbench.leaderboard.laws_and_cost import cost_table, physics_table
@@ -27,6 +28,7 @@ from granbench.leaderboard.tables import (
     metrics_shown,
 )
 from granbench.scoring import METRIC_VERSION
+from granbench.scoring.embedded import EMBEDDED_METRICS
 from granbench.scoring.scorecard import ALL
 from granbench.whole_file import cannot_write
 
@@ -178,6 +180,8 @@ def _page(
             for split in splits
         ],
         "metrics": shown,
+        "analyses": analyses_tables(submissions),
+        "embedded_metrics": EMBEDDED_METRICS.values(),
         "checks": CHECKS.values(),
         "cost": cost_table(submissions),
         "views": views,

@@ -144,7 +144,7 @@ class About(_Record):
 class Submission(About):
     """A row of the leaderboard, with everything needed to check it."""
 
-    schema_version: Literal["1.0", "1.1"] = "1.1"
+    schema_version: Literal["1.0", "1.1", "1.2"] = "1.2"
     metric_version: str
     task: Line
     dataset: DatasetReference

@@ -185,7 +185,8 @@ def number(value: float) -> Markup:
 def share(value: float) -> Markup:
     """A share in percent."""
     percent = 100.0 * value
-    return Markup(escape("0 %" if percent == 0.0 else f"{percent:.3g} %"))
+    digits = f"{percent:.0f}" if percent >= 100.0 else f"{percent:.3g}"
+    return Markup(escape("0 %" if percent == 0.0 else f"{digits} %"))
 
 
 def _interval(low: float, value: float, high: float, metric: str) -> Markup:

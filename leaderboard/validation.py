@@ -14,7 +14,7 @@ from granbench.errors import GranbenchError, SubmissionError
 from granbench.leaderboard.agreement import RERUN, RESCORED, compare
 from granbench.leaderboard.rerunning import Told, rerun
 from granbench.leaderboard.submission import Submission, file_digest, read_submission
-from granbench.predictions import evaluated, open_predictions
+from granbench.predictions import EMBEDDED_OBSTACLE, evaluated, open_predictions
 from granbench.scoring import METRIC_VERSION, score
 from granbench.scoring.scorecard import Scorecard
 from granbench.scoring.statistics import align
@@ -22,6 +22,10 @@ from granbench.scoring.statistics import align
 TRUTH_TOLERANCE = 1e-3
 """By which a recomputed ground truth may differ, in training standard deviations or relative to a
 larger stress: machines round differently, and error control then takes other steps."""
+
+ANALYSIS_TOLERANCE = 0.02
+"""By which an analysis of the ground truth may differ, relative to the root mean square of each
+response: thousands of steps enlarge what machines round differently."""
 
 
 def validate(
@@ -78,6 +82,7 @@ def _rescored(submission: Submission, records: xr.Dataset, path: Path) -> Scorec
     truth, normalisation = evaluated(records), Normalisation.from_training(records)
     card = score(predictions, truth, normalisation)
     _check_noised_truth(predictions, truth, normalisation, path)
+    _check_embedded_truth(predictions, truth, path)
     return card
 
 
@@ -170,3 +175,27 @@ def _check_noised_truth(
                     f"{path}: the predictions' ground truth for {name}, seed {seed}, is not what "
                     "the ground truth gives; run `granbench evaluate` again"
                 )
+
+
+def _check_embedded_truth(predictions: xr.Dataset, truth: xr.Dataset, path: Path) -> None:
+    """Refuse analyses of the ground truth that the ground truth does not give.
+
+    Their times are not compared: no machine has those of another one.
+    """
+    if predictions.attrs.get(EMBEDDED_OBSTACLE) != "":
+        return
+    from granbench.protocols import embedded_truth
+
+    again = embedded_truth(truth)
+    for name in ("reaction", "volumetric_strain", "stress"):
+        variable = f"embedded_truth_{name}"
+        mine, theirs = again[variable], predictions[variable]
+        same_gaps = (np.isnan(mine) == np.isnan(theirs)).all()
+        over = [dim for dim in mine.dims if dim not in ("solver", "analysis")]
+        size = np.sqrt((mine**2).mean(over))
+        difference = np.sqrt(((mine - theirs) ** 2).mean(over))
+        if not same_gaps or (difference > ANALYSIS_TOLERANCE * size).any():
+            raise SubmissionError(
+                f"{path}: the predictions' {variable} is not what the ground truth gives; run "
+                "`granbench evaluate` again"
+            )

@@ -146,7 +146,7 @@ PRESETS: Mapping[str, FemPreset] = {
         FemPreset(
             name="core",
             version="1.0.0",
-            steps=100,
+            steps=180,  # the turning points of most cycles are steps
             points=96,
             uniform_points=1,
             meshes={
@@ -159,7 +159,7 @@ PRESETS: Mapping[str, FemPreset] = {
         FemPreset(
             name="paper",
             version="1.0.0+paper",
-            steps=200,
+            steps=360,
             points=1000,
             uniform_points=1,
             meshes={

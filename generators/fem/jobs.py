@@ -10,7 +10,7 @@ import torch
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from granbench.boundary_values import EXPLICIT
+from granbench.boundary_values import EXPLICIT, spread_points
 from granbench.fem import run
 from granbench.fem.analysis import settings_for
 from granbench.fem.problems.biaxial import HEIGHT, Biaxial
@@ -64,7 +64,7 @@ def run_analysis(
     torch.set_num_threads(1)
     histories = run(problem, cell, solver=settings, mesh=plan.mesh).check()
     points = different_points(plan, histories["point_position"].values)
-    points = points[spread(len(points), plan.points)]
+    points = points[spread_points(len(points), min(plan.points, len(points)))]
     record = records_of(histories.isel(point=points), cell.internals)
     # mypy matches the names with savez's own allow_pickle.
     np.savez(out / RECORD_FILE, point=points, **record)  # type: ignore[arg-type]
@@ -85,11 +85,6 @@ def different_points(plan: AnalysisPlan, positions: np.ndarray) -> np.ndarray:
     if plan.problem != Biaxial.name:
         return np.arange(len(positions))
     return np.flatnonzero(positions[:, 1] < 0.5 * HEIGHT)
-
-
-def spread(count: int, kept: int) -> np.ndarray:
-    """Numbers of `kept` out of `count`, evenly spread; all where there are fewer."""
-    return np.linspace(0, count - 1, min(kept, count)).round().astype(np.int64)
 
 
 def records_of(histories: xr.Dataset, internals: tuple[str, ...]) -> dict[str, np.ndarray]:

@@ -40,7 +40,8 @@ def evaluate(
         list[str] | None,
         typer.Option(
             "--axis",
-            help="single-step, window, rollout, noise, physics or cost; all by default.",
+            help="single-step, window, rollout, noise, embedded, physics or cost; all that apply "
+            "by default.",
         ),
     ] = None,
     model_dir: Annotated[

@@ -7,7 +7,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from granbench.axes import COST, PHYSICS, PROTOCOLS
+from granbench.axes import COST, EMBEDDED, PHYSICS, PROTOCOLS
 from granbench.checks import CHECKS
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ Found = dict[tuple[str, str], "Score"]
 def tables(submission: "Submission", others: Sequence["Submission"]) -> Iterator[Table | Text]:
     """The scores of each split, beside them what the others scored, and what the model costs."""
     run = [score for score in submission.scores if score.status != "not_run"]
-    for split in dict.fromkeys(score.split for score in run if score.axis != COST):
+    for split in dict.fromkeys(score.split for score in run if score.axis not in (EMBEDDED, COST)):
         found: Found = {
             (score.protocol, score.metric): score
             for score in run
@@ -52,6 +52,7 @@ def tables(submission: "Submission", others: Sequence["Submission"]) -> Iterator
         if any(score.axis == PHYSICS for score in found.values()):
             yield _physics(found, where)
     yield from _reasons(run)
+    yield from _analyses(run, submission.name)
     costs = [score for score in run if score.axis == COST]
     if costs:
         yield _costs(costs, submission.name)
@@ -138,6 +139,33 @@ def _reasons(scores: Sequence["Score"]) -> Iterator[Text]:
         yield Text(f"{named}, {reason}.")
 
 
+def _analyses(run: Sequence["Score"], name: str) -> Iterator[Table | Text]:
+    """Of each solver a table of analyses, or why there is none."""
+    from granbench.scoring.embedded import EMBEDDED_METRICS, TITLES
+
+    for solver, title in TITLES.items():
+        scores = [score for score in run if score.protocol == f"{EMBEDDED}-{solver}"]
+        if not any(score.value is not None for score in scores):
+            reasons = dict.fromkeys(score.reason for score in scores)
+            yield from (Text(f"{title}: n/a, {reason}.") for reason in reasons)
+            continue
+        table = _plain_table(f"{name} in place of the ground truth, {solver}")
+        table.add_column("", no_wrap=True)
+        groups = list(dict.fromkeys(score.group for score in scores))
+        for group in groups:
+            table.add_column(
+                "mean" if group == "all" else group.replace("-", "\n"), justify="right"
+            )
+        found = {(score.metric, score.group): score for score in scores}
+        for metric in EMBEDDED_METRICS.values():
+            if (metric.name, "all") in found:
+                percent = metric.error and metric.name != "point_stress_mse"
+                percent = percent or metric.name == "reached_share"
+                cells = (_shown(found[metric.name, group], percent) for group in groups)
+                table.add_row(metric.title, *cells)
+        yield table
+
+
 def _costs(costs: Sequence["Score"], name: str) -> Table:
     from granbench.scoring.cost import COST_METRICS
 
@@ -172,7 +200,10 @@ def _shown(score: "Score | None", percent: bool = False) -> str:
         return "–"
     if score.value is None:
         return "n/a"
-    return f"{100.0 * score.value:.3g} %" if percent else f"{score.value:.3g}"
+    if not percent:
+        return f"{score.value:.3g}"
+    value = 100.0 * score.value
+    return f"{value:.0f} %" if value >= 100.0 else f"{value:.3g} %"
 
 
 def _interval(score: "Score | None") -> str:

@@ -1,5 +1,6 @@
 """Every protocol of the chosen axes, for every seed of a model."""
 
+import json
 import traceback
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -10,12 +11,18 @@ import numpy as np
 import torch
 import xarray as xr
 
-from granbench.axes import AXES, COST, PHYSICS, ProtocolSpec, chosen_axes, protocols_of
+from granbench.axes import AXES, COST, EMBEDDED, PHYSICS, ProtocolSpec, chosen_axes, protocols_of
 from granbench.cell import MaterialCell
 from granbench.errors import ConfigurationError, DatasetError, GranbenchError, ModelError
 from granbench.models.ground_truth import ground_truth_cell
-from granbench.predictions import SCORED_INTERNALS, assemble
+from granbench.predictions import (
+    EMBEDDED_FAILURES,
+    EMBEDDED_OBSTACLE,
+    SCORED_INTERNALS,
+    assemble,
+)
 from granbench.protocols.cost import cost
+from granbench.protocols.embedded import embedded, embedded_obstacle, embedded_truth
 from granbench.protocols.free_run import noise, rollout, window
 from granbench.protocols.physics import physics
 from granbench.protocols.single_step import single_step
@@ -67,6 +74,8 @@ def predict(
         others = []
         if "noise" in chosen and not reads:
             others += _noised_truth(cells, dataset)
+        if EMBEDDED in chosen:
+            others.append(_embedded(cells, dataset, told))
         if PHYSICS in chosen:
             others.append(_for_each(cells, PHYSICS, lambda cell: physics(cell, dataset), told))
         if COST in chosen:
@@ -88,7 +97,7 @@ def predict(
 def progress_parts(axes: Iterable[str]) -> int:
     """How often `predict` tells of progress for one seed."""
     chosen = chosen_axes(axes)
-    return len(protocols_of(chosen)) + (PHYSICS in chosen) + (COST in chosen)
+    return len(protocols_of(chosen)) + sum(axis in chosen for axis in (EMBEDDED, PHYSICS, COST))
 
 
 @torch.no_grad()
@@ -160,6 +169,19 @@ def _noised_truth(cells: Mapping[int, MaterialCell], dataset: xr.Dataset) -> lis
     dims = ("seed", "noise", "path", "step", "component")
     names = np.asarray([spec.name for spec in specs], dtype=object)
     return [xr.Dataset({"noised_truth": (dims, stress)}, {"noise": names})]
+
+
+def _embedded(cells: Mapping[int, MaterialCell], dataset: xr.Dataset, told: Told) -> xr.Dataset:
+    """The responses of boundary-value problems, or why there are none."""
+    obstacle = embedded_obstacle(dataset, cells.values())
+    if obstacle:
+        return xr.Dataset(attrs={EMBEDDED_OBSTACLE: obstacle})
+    found = _for_each(cells, EMBEDDED, lambda cell: embedded(cell, dataset), told)
+    failures = found["failure"].assign_coords(seed=list(cells)).to_series()
+    reasons = {"/".join(map(str, place)): text for place, text in failures.items() if text}
+    return xr.merge([found.drop_vars("failure"), embedded_truth(dataset)]).assign_attrs(
+        {EMBEDDED_OBSTACLE: "", EMBEDDED_FAILURES: json.dumps(reasons, sort_keys=True)}
+    )
 
 
 def _costs(cells: Mapping[int, MaterialCell], dataset: xr.Dataset, told: Told) -> xr.Dataset:

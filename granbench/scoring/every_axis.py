@@ -1,21 +1,23 @@
 """`score`: every axis of the benchmark, from the predictions and the truth alone."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import xarray as xr
 
+from granbench.axes import EMBEDDED
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
 from granbench.predictions import GROUND_TRUTH
 from granbench.scoring.along_paths import curves, scores_of_split
 from granbench.scoring.cost import cost_scores
+from granbench.scoring.embedded import embedded_scores
 from granbench.scoring.metrics import METRIC_VERSION
 from granbench.scoring.physics import physics_scores, physics_statistics
 from granbench.scoring.reduction import split_order
 from granbench.scoring.scorecard import ALL, Scales, Score, Scorecard, rounded
 from granbench.scoring.statistics import align, path_statistics
 
-UNMEASURED = {"embedded": "this task has no boundary-value problem with a ground-truth cell"}
+NO_ANALYSES = "this task has no boundary-value problem with a ground-truth cell"
 NO_TRUTH = "this task has no ground-truth cell"
 READS_RECORDS = "the model reads its answers from the records, which have none for noised strain"
 
@@ -38,14 +40,15 @@ def score(predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisati
     components = [str(label) for label in truth["component"].values]
     std = normalisation.std
     statistics = path_statistics(predictions, truth, normalisation)
+    of_analyses, curves_of_analyses = embedded_scores(predictions, truth, normalisation)
     return Scorecard(
         metric_version=METRIC_VERSION,
         normalisation=Scales(
             stress=dict(zip(components, map(rounded, std["stress"]), strict=True)),
             void_ratio=rounded(std["void_ratio"]) if "void_ratio" in std else None,
         ),
-        scores=tuple(_scores(predictions, truth, statistics, normalisation)),
-        curves=tuple(curves(statistics)),
+        scores=tuple(_scores(predictions, truth, statistics, normalisation, of_analyses)),
+        curves=(*curves(statistics), *curves_of_analyses),
     )
 
 
@@ -54,6 +57,7 @@ def _scores(
     truth: xr.Dataset,
     statistics: xr.Dataset,
     normalisation: Normalisation,
+    embedded: Sequence[Score],
 ) -> Iterator[Score]:
     no_truth = None if GROUND_TRUTH in truth.attrs else NO_TRUTH
     physics = physics_statistics(predictions, truth, normalisation)
@@ -61,11 +65,12 @@ def _scores(
     for split in split_order(truth["split"].values.astype(str)):
         yield from scores_of_split(statistics, split, no_noised_truth)
         yield from physics_scores(physics, split)
-        for axis, reason in UNMEASURED.items():
+        if not embedded:
             yield Score(
-                axis=axis, protocol=axis, split=split, metric=ALL, status="not_applicable",
-                reason=reason,
+                axis=EMBEDDED, protocol=EMBEDDED, split=split, metric=ALL,
+                status="not_applicable", reason=NO_ANALYSES,
             )  # fmt: skip
+    yield from embedded
     yield from cost_scores(predictions, no_truth)
 
 

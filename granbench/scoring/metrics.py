@@ -11,9 +11,10 @@ import numpy as np
 from granbench.axes import ProtocolSpec
 from granbench.scoring.bootstrap import weighted_mean, weighted_median
 
-METRIC_VERSION = "1.1"
+METRIC_VERSION = "1.2"
 """1.0: the errors along recorded paths. 1.1: besides them the physics axis, the cost axis, and
-noise against the recomputed truth; what 1.0 defined is unchanged."""
+noise against the recomputed truth. 1.2: besides them the embedded axis, on tasks that state
+boundary-value problems. What an earlier version defined is unchanged."""
 
 
 RECOMPUTED = "recomputed_"

@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
-from granbench.axes import COST, PHYSICS
+from granbench.axes import COST, EMBEDDED, PHYSICS
 
 ALL = "all"
 
@@ -18,10 +18,16 @@ class Score(_Record):
 
     axis: str = Field(description="benchmark axis")
     protocol: str = Field(
-        description="how the predictions were made; on the physics axis, which check it is"
+        description="how the predictions were made; on the physics axis, which check it is; on "
+        "the embedded axis, with which solver"
     )
-    split: str = Field(description="the paths that were scored; 'all' on the cost axis")
-    group: str = Field(default=ALL, description="'all', or one loading family of the split")
+    split: str = Field(
+        description="the paths that were scored; 'all' on the embedded and cost axes"
+    )
+    group: str = Field(
+        default=ALL,
+        description="'all', or one loading family of the split, or one analysis",
+    )
     metric: str
     status: Literal["scored", "not_applicable", "not_run"]
     value: FiniteFloat | None = Field(default=None, description="mean over seeds; worst: largest")
@@ -32,7 +38,7 @@ class Score(_Record):
         default=None, description="upper end of the 95 % bootstrap interval; null: none"
     )
     unit: str = "1"
-    n: int = Field(default=0, ge=0, description="number of paths, failed ones included")
+    n: int = Field(default=0, ge=0, description="number of paths or analyses, failed ones included")
     by_seed: tuple[FiniteFloat, ...] = Field(default=(), description="the value of each seed")
     reason: str | None = Field(default=None, description="why there is no value")
 
@@ -51,13 +57,18 @@ class Score(_Record):
 
 
 class Curve(_Record):
-    """Mean squared normalised stress error against the horizon: steps since truth was given."""
+    """An error against the horizon: steps since truth was given, or output steps of an analysis.
+
+    Along paths it is the mean squared normalised stress error, in an analysis the share of error
+    points.
+    """
 
     protocol: str
     split: str
-    metric: Literal["stress_mse_mean"] = "stress_mse_mean"
+    group: str = Field(default=ALL, description="'all', or one analysis")
+    metric: Literal["stress_mse_mean", "error_point_share"] = "stress_mse_mean"
     unit: str = "1"
-    n: int = Field(ge=1, description="number of paths")
+    n: int = Field(ge=1, description="number of paths or analyses")
     horizon: tuple[int, ...]
     value: tuple[FiniteFloat, ...]
     low: tuple[FiniteFloat, ...] = Field(default=(), description="empty for one specimen alone")
@@ -71,9 +82,9 @@ class Curve(_Record):
         return self
 
     @property
-    def key(self) -> tuple[str, str, str]:
+    def key(self) -> tuple[str, str, str, str]:
         """What makes a curve unique within a submission."""
-        return (self.protocol, self.split, self.metric)
+        return (self.protocol, self.split, self.group, self.metric)
 
 
 class Scales(_Record):
@@ -95,12 +106,13 @@ class Scorecard(_Record):
     def perfect(self) -> bool:
         """Whether every error against the records is exactly zero, as only the truth can be.
 
-        Laws and costs say nothing of it: persistence breaks no law.
+        Laws and costs say nothing of it: persistence breaks no law. Nor do analyses, in which
+        the model that made the records is as good as they are.
         """
         errors = [
             score.value
             for score in self.scores
-            if score.axis not in (PHYSICS, COST) and score.status == "scored"
+            if score.axis not in (EMBEDDED, PHYSICS, COST) and score.status == "scored"
         ]
         return bool(errors) and not any(errors)
 

@@ -118,7 +118,7 @@ def _against_records(
     component_error = _squared(predicted, true, normalisation.std["stress"], broken)
     step_error = component_error.mean(axis=-1)
     broken = broken[..., 0]
-    relative = _relative(predicted, true, list(truth["component"].values.astype(str)), broken)
+    relative = relative_error(predicted, true, list(truth["component"].values.astype(str)), broken)
     error_point = relative > ERROR_POINT
     divergence_step = _divergence_step(error_point)
 
@@ -167,7 +167,7 @@ def _against_noised_truth(predictions: xr.Dataset, normalisation: Normalisation)
     broken = np.logical_not(np.isfinite(predicted).all(axis=-1, keepdims=True))
     error = _squared(predicted, true, normalisation.std["stress"], broken).mean(axis=-1)
     labels = list(predictions["component"].values.astype(str))
-    relative = _relative(predicted, true, labels, broken[..., 0])
+    relative = relative_error(predicted, true, labels, broken[..., 0])
     dims = ("seed", "noise", "path")
     return {
         "recomputed_squared_error": (dims, (weight * error).sum(axis=-1)),
@@ -211,9 +211,17 @@ def _squared(
     return np.minimum(error, CEILING) ** 2
 
 
-def _relative(
+def relative_error(
     predicted: np.ndarray, true: np.ndarray, components: list[str], broken: np.ndarray
 ) -> np.ndarray:
+    """Norm of the stress error over that of the true stress (...,), at most `CEILING`.
+
+    Parameters
+    ----------
+    predicted, true : (..., component), Pa
+    components : their labels
+    broken : (...,), where there is no prediction; it counts as `CEILING`
+    """
     # A shear component stands twice in the tensor: "12" and "21".
     weight = np.array([1.0 if label[0] == label[1] else 2.0 for label in components])
     error = np.sqrt((weight * (predicted - true) ** 2).sum(axis=-1))

@@ -14,6 +14,7 @@ from granbench.leaderboard.submission import read_submission
 from granbench.records import open_records, write_records
 from granbench.scoring import METRIC_VERSION
 from granbench.scoring.cost import COST_METRICS
+from granbench.scoring.embedded import EMBEDDED_METRICS
 from granbench.scoring.metrics import PHYSICS_METRICS, TANGENT_METRICS, metrics
 
 TEXT = scoring_page.PAGE.read_text(encoding="utf-8")
@@ -41,7 +42,7 @@ def test_every_metric_is_defined() -> None:
             assert metric.name in named, metric.name
     for metric in COST_METRICS:
         assert metric.name in named, metric.name
-    for metric in (*PHYSICS_METRICS, *TANGENT_METRICS):
+    for metric in (*PHYSICS_METRICS, *TANGENT_METRICS, *EMBEDDED_METRICS.values()):
         assert f"`{metric.name}`" in TEXT, metric.name
 
 

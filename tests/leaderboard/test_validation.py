@@ -236,7 +236,8 @@ def plane_submission(tmp_path) -> tuple[Path, xr.Dataset]:
 def test_a_task_with_a_ground_truth_is_reproduced_on_every_axis(plane_submission):
     file, sealed = plane_submission
     checked = validate(file, sealed)
-    assert {score.axis for score in checked.scores if score.status == "scored"} == set(AXES)
+    scored = {score.axis for score in checked.scores if score.status == "scored"}
+    assert scored == set(AXES) - {"embedded"}  # random paths state no boundary-value problem
 
 
 def test_a_forged_ground_truth_is_found_out(plane_submission):

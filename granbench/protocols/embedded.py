@@ -1,0 +1,207 @@
+"""The embedded axis: a model in place of the ground truth, in boundary-value problems.
+
+Each analysis that the dataset states is made with the model and, in the same way, with the ground
+truth: the same mesh, loading, output steps and explicit time step, which follows from the ground
+truth's stiffness. `granbench.scoring.embedded` compares the two.
+"""
+
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+import xarray as xr
+
+from granbench.boundary_values import (
+    SOLVERS,
+    EmbeddedAnalysis,
+    embedded_analyses,
+    spread_points,
+)
+from granbench.cell import MaterialCell
+from granbench.errors import ConfigurationError, DatasetError
+from granbench.fem import ExplicitSettings, ImplicitSettings, run
+from granbench.fem.analysis import settings_for
+from granbench.models.classical import ClassicalCell
+from granbench.models.ground_truth import ground_truth_cell
+from granbench.protocols.posed import posed, start_of
+from granbench.protocols.watched import WatchedCell
+from granbench.tensors import COMPONENT_ORDERS
+
+ORDER = "plane"
+
+UPDATES = 60
+"""Calls of a model in an implicit analysis over the number of its load steps, beyond which it is
+given up. Classical models need two to four."""
+
+CUTS = 4
+"""How often a load step may be halved: a model that needs more has failed in it."""
+
+CURVES = {
+    "reaction": "reaction",
+    "volumetric_strain": "volumetric_strain",
+    "acceleration": "maximum_acceleration",
+}
+"""What is kept of every output step, and what an analysis calls it."""
+
+
+def embedded_obstacle(dataset: xr.Dataset, cells: Iterable[MaterialCell]) -> str | None:
+    """Why the axis does not apply to a dataset and a model's cells, or None.
+
+    Raises
+    ------
+    DatasetError
+        If the dataset states analyses, but no ground truth.
+    """
+    if not embedded_analyses(dataset):
+        return "this task has no boundary-value problem with a ground-truth cell"
+    if tuple(map(str, dataset["component"].values)) != COMPONENT_ORDERS[ORDER]:
+        return "the analyses are in the plane, the records are not"
+    if any(cell.reads_records for cell in cells):
+        return "the model reads its answers from the records and has none inside an analysis"
+    _truth(dataset)
+    return None
+
+
+def embedded(cell: MaterialCell, dataset: xr.Dataset) -> xr.Dataset:
+    """Every analysis that a dataset states, with a model.
+
+    Parameters
+    ----------
+    cell : the model, in plane components
+    dataset : whose `embedded_analyses` are made
+
+    Returns
+    -------
+    Dataset over `solver` and `analysis`: `embedded_reaction`, `embedded_volumetric_strain` and
+    `embedded_acceleration` (.., output), `embedded_stress` (.., output, gauss_point, component),
+    NaN from where an analysis failed; `embedded_seconds` and `embedded_cell_seconds`, CPU time;
+    and `failure`, why it ended early, "" where it did not
+    """
+    return _every_analysis(cell, dataset, "embedded_")
+
+
+def embedded_truth(dataset: xr.Dataset) -> xr.Dataset:
+    """As `embedded`, with the ground truth itself; the names begin with `embedded_truth_`.
+
+    Raises
+    ------
+    DatasetError
+        If no model made the records.
+    """
+    found = _every_analysis(_truth(dataset), dataset, "embedded_truth_")
+    return found.drop_vars("failure")
+
+
+def _truth(dataset: xr.Dataset) -> ClassicalCell:
+    truth = ground_truth_cell(dataset)
+    if truth is None:
+        raise DatasetError("the records name no ground truth; use a dataset that a model made")
+    return truth
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """What is kept of one analysis: curves (output,), stress (output, gauss_point, component)."""
+
+    curves: dict[str, np.ndarray]
+    stress: np.ndarray
+    seconds: float
+    cell_seconds: float
+    failure: str
+
+
+def _every_analysis(cell: MaterialCell, dataset: xr.Dataset, prefix: str) -> xr.Dataset:
+    truth, analyses = _truth(dataset), embedded_analyses(dataset)
+    with _one_thread():
+        _warm_up(cell, analyses[0])
+        outcomes = [
+            [_outcome(cell, analysis, solver, truth) for analysis in analyses] for solver in SOLVERS
+        ]
+    where = ("solver", "analysis")
+    variables: dict[str, tuple[tuple[str, ...], np.ndarray]] = {
+        f"{prefix}{name}": ((*where, "output"), _stacked([[o.curves[name] for o in row]
+                                                          for row in outcomes]))
+        for name in CURVES
+    }  # fmt: skip
+    stress = _stacked([[outcome.stress for outcome in row] for row in outcomes])
+    variables[f"{prefix}stress"] = ((*where, "output", "gauss_point", "component"), stress)
+    for name in ("seconds", "cell_seconds"):
+        times = [[getattr(outcome, name) for outcome in row] for row in outcomes]
+        variables[f"{prefix}{name}"] = (where, np.array(times))
+    failures = np.array([[outcome.failure for outcome in row] for row in outcomes], dtype=object)
+    variables["failure"] = (where, failures)
+    return xr.Dataset(
+        variables,
+        {
+            "solver": np.array(SOLVERS, dtype=object),
+            "analysis": np.array([analysis.name for analysis in analyses], dtype=object),
+            "output": np.arange(stress.shape[2]),
+            "gauss_point": np.arange(stress.shape[3]),
+            "component": dataset["component"].values.astype(object),
+        },
+    )
+
+
+def _stacked(rows: list[list[np.ndarray]]) -> np.ndarray:
+    return np.stack([np.stack(row) for row in rows])
+
+
+def _outcome(
+    cell: MaterialCell, analysis: EmbeddedAnalysis, solver: str, truth: ClassicalCell
+) -> _Outcome:
+    outputs, points = analysis.outputs + 1, analysis.points
+    curves = {name: np.full(outputs, np.nan) for name in CURVES}
+    stress = np.full((outputs, points, len(COMPONENT_ORDERS[ORDER])), np.nan)
+    if solver not in analysis.solvers:
+        return _Outcome(curves, stress, np.nan, np.nan, "")
+    problem = posed(analysis)
+    settings = settings_for(problem, solver)
+    if isinstance(settings, ExplicitSettings):
+        settings = replace(settings, outputs=analysis.outputs, modulus=analysis.modulus)
+    else:
+        settings = replace(settings, steps=analysis.outputs, cuts=CUTS)
+    limit = UPDATES * analysis.outputs if isinstance(settings, ImplicitSettings) else None
+    watched = WatchedCell(cell, limit)
+    start = start_of(truth, analysis.confinement)
+    begin = time.process_time()
+    result = run(problem, watched, solver=settings, mesh=analysis.mesh, scalars=start)
+    seconds = time.process_time() - begin
+    if isinstance(result.failure, KeyboardInterrupt):
+        raise result.failure
+    found = result.dataset
+    reached = found.sizes.get("step", 0)
+    if reached > outputs:
+        raise ConfigurationError(
+            f"{analysis.name}: the {solver} analysis has {reached - 1} steps, not {outputs - 1}; "
+            "choose a number that its turning points divide"
+        )
+    for name, variable in CURVES.items():
+        if variable in found:
+            curves[name][:reached] = found[variable].values
+    if reached:
+        chosen = spread_points(found.sizes["point"], points)
+        stress[:reached] = found["stress"].values[:, chosen]
+    failure = "" if result.failure is None else str(result.failure)
+    return _Outcome(curves, stress, seconds, watched.seconds, failure)
+
+
+def _warm_up(cell: MaterialCell, analysis: EmbeddedAnalysis) -> None:
+    """What libraries do once, before anything is timed."""
+    problem = replace(posed(analysis), end_strain=1e-6)
+    explicit = replace(problem.explicit(), outputs=1, modulus=analysis.modulus)
+    for settings in (explicit, replace(problem.implicit(), steps=1, cuts=0)):
+        run(problem, WatchedCell(cell), solver=settings, mesh=analysis.mesh)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """At some hundred points, threads that wait for each other cost more than they do."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)

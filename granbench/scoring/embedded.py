@@ -1,0 +1,333 @@
+"""Scores of the embedded axis: analyses with a model against those with the ground truth."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from granbench.axes import EMBEDDED
+from granbench.boundary_values import EXPLICIT, SOLVERS, EmbeddedAnalysis, embedded_analyses
+from granbench.data.normalisation import Normalisation
+from granbench.errors import SubmissionError
+from granbench.predictions import EMBEDDED_OBSTACLE, quantise
+from granbench.scoring.scorecard import ALL, Curve, Score, rounded
+from granbench.scoring.statistics import CEILING, ERROR_POINT, relative_error
+
+TITLES = {solver: f"Embedded, {solver}" for solver in SOLVERS}
+"""Of the protocols of this axis, for people."""
+
+LARGEST_RATIO = 1e3
+"""Of accelerations and CPU times; a body that flies apart is no further off than that."""
+
+SPEED = "speed_ratio"
+"""Ends the metrics that are measured with a clock."""
+
+
+@dataclass(frozen=True)
+class EmbeddedMetric:
+    """One metric of an analysis.
+
+    Parameters
+    ----------
+    name : as in the files
+    title : for people
+    definition : in one sentence
+    error : whether the ground truth itself has exactly zero
+    explicit_only : whether only the explicit solver has it
+    """
+
+    name: str
+    title: str
+    definition: str
+    error: bool = True
+    explicit_only: bool = False
+
+
+EMBEDDED_METRICS: dict[str, EmbeddedMetric] = {
+    metric.name: metric
+    for metric in (
+        EmbeddedMetric(
+            "reaction_error",
+            "Reaction",
+            "relative L2 error of the reaction over the output steps: root of the mean square of "
+            "the error, each step's divided by the root mean square of the true curve",
+        ),
+        EmbeddedMetric(
+            "volumetric_strain_error",
+            "Volumetric strain",
+            "the same of the global volumetric strain",
+        ),
+        EmbeddedMetric(
+            "point_stress_mse",
+            "Point stress MSE",
+            "squared normalised error of the stress at the compared Gauss points, mean over "
+            "components, points and output steps",
+        ),
+        EmbeddedMetric(
+            "error_point_share",
+            "Error points",
+            "share of the compared Gauss points with a relative stress error above 50 % "
+            "(Sec 5.3), mean over output steps",
+        ),
+        EmbeddedMetric(
+            "error_point_growth",
+            "Growth of error points",
+            "slope of the line that fits this share against the share of the output steps, from "
+            "0 to 1; negative where error points grow fewer",
+        ),
+        EmbeddedMetric(
+            "acceleration_ratio",
+            "Acceleration ratio",
+            "largest nodal acceleration up to the first failure over that with the ground truth, "
+            "at most 1000, which a run without an output step counts as",
+            error=False,
+            explicit_only=True,
+        ),
+        EmbeddedMetric(
+            "reached_share",
+            "Steps before failure",
+            "share of the output steps before the first failure; 1 where there is none",
+            error=False,
+        ),
+        EmbeddedMetric(
+            f"analysis_{SPEED}",
+            "Speed-up",
+            "CPU time of the analysis with the ground truth over that with the model",
+            error=False,
+        ),
+        EmbeddedMetric(
+            f"cell_{SPEED}",
+            "Speed-up of the cell",
+            "the same of the time inside the cells alone",
+            error=False,
+        ),
+    )
+}
+
+Values = dict[str, np.ndarray]
+"""By metric: (seed, analysis); NaN where it does not apply."""
+
+
+def embedded_scores(
+    predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation
+) -> tuple[list[Score], list[Curve]]:
+    """Every score and curve of the axis on a task that states analyses; nothing on any other.
+
+    Parameters
+    ----------
+    predictions : see `granbench.predictions`
+    truth : the scored records
+    normalisation : training standard deviations
+
+    Raises
+    ------
+    SubmissionError
+        If the predictions hold other analyses than the dataset states, or lack a response.
+    """
+    analyses = embedded_analyses(truth)
+    if not analyses:
+        return [], []
+    obstacle = predictions.attrs.get(EMBEDDED_OBSTACLE)
+    if obstacle != "":
+        status = "not_run" if obstacle is None else "not_applicable"
+        reason = obstacle or f"axis {EMBEDDED} was left out of the evaluation"
+        return list(_without(analyses, status, reason)), []
+    _check(predictions, truth, analyses)
+    scores: list[Score] = []
+    curves: list[Curve] = []
+    for solver in SOLVERS:
+        inside = [a.name for a in analyses if solver in a.solvers]
+        if not inside:
+            continue
+        part = predictions.sel(solver=solver, analysis=inside)
+        shares = _error_points(part)
+        values = _values(part, normalisation, shares, solver)
+        scores += _scores(solver, inside, values)
+        curves += _curves(solver, inside, shares)
+    return scores, curves
+
+
+def _without(analyses: Sequence[EmbeddedAnalysis], status: str, reason: str) -> Iterator[Score]:
+    for solver in SOLVERS:
+        inside = [a.name for a in analyses if solver in a.solvers]
+        for group in _groups(inside):
+            for metric in _metrics(solver):
+                place = _place(solver, group, metric, inside)
+                yield Score(**place, status=status, reason=reason)
+
+
+def _groups(names: Sequence[str]) -> Sequence[str]:
+    return (ALL, *names) if names else ()
+
+
+def _metrics(solver: str) -> list[EmbeddedMetric]:
+    return [m for m in EMBEDDED_METRICS.values() if solver == EXPLICIT or not m.explicit_only]
+
+
+def _place(solver: str, group: str, metric: EmbeddedMetric, names: Sequence[str]) -> dict[str, Any]:
+    return {
+        "axis": EMBEDDED, "protocol": f"{EMBEDDED}-{solver}", "split": ALL, "group": group,
+        "metric": metric.name, "n": len(names) if group == ALL else 1,
+    }  # fmt: skip
+
+
+def _scores(solver: str, names: Sequence[str], values: Values) -> Iterator[Score]:
+    """Of every analysis, and the mean over them."""
+    for group in _groups(names):
+        for metric in _metrics(solver):
+            place = _place(solver, group, metric, names)
+            found = values[metric.name]
+            found = found if group == ALL else found[:, [names.index(group)]]
+            if not np.isfinite(found).all():
+                reason = "the run ended early, so that its time says nothing"
+                yield Score(**place, status="not_applicable", reason=reason)
+                continue
+            by_seed = found.mean(axis=1)
+            yield Score(
+                **place,
+                status="scored",
+                value=rounded(by_seed.mean()),
+                by_seed=tuple(rounded(value) for value in by_seed),
+            )
+
+
+def _curves(solver: str, names: Sequence[str], shares: np.ndarray) -> Iterator[Curve]:
+    """Error points against the output step, mean over seeds, of every analysis."""
+    for index, name in enumerate(names):
+        share = shares[:, index].mean(axis=0)
+        yield Curve(
+            protocol=f"{EMBEDDED}-{solver}",
+            split=ALL,
+            group=name,
+            metric="error_point_share",
+            n=1,
+            horizon=tuple(range(1, len(share) + 1)),
+            value=tuple(rounded(value) for value in share),
+        )
+
+
+def _values(
+    part: xr.Dataset, normalisation: Normalisation, shares: np.ndarray, solver: str
+) -> Values:
+    reaction = _counted(part["embedded_reaction"])
+    reached = np.isfinite(reaction).mean(axis=-1)
+    values = {
+        name: _curve_error(part, variable)
+        for name, variable in (
+            ("reaction_error", "reaction"),
+            ("volumetric_strain_error", "volumetric_strain"),
+        )
+    }
+    values["point_stress_mse"] = _point_stress_mse(part, normalisation)
+    values["error_point_share"] = shares.mean(axis=-1)
+    values["error_point_growth"] = _slope(shares)
+    if solver == EXPLICIT:
+        values["acceleration_ratio"] = _acceleration_ratio(part)
+    values["reached_share"] = reached
+    ended = reached == 1.0
+    for name, variable in (("analysis", "seconds"), ("cell", "cell_seconds")):
+        true = part[f"embedded_truth_{variable}"].values.astype(np.float64)
+        taken = part[f"embedded_{variable}"].values.astype(np.float64)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.minimum(true / taken, LARGEST_RATIO)
+        values[f"{name}_{SPEED}"] = np.where(ended, ratio, np.nan)
+    return values
+
+
+def _counted(variable: xr.DataArray) -> np.ndarray:
+    """Quantised values of the output steps from 1 on; `output` is moved last."""
+    outputs = variable.transpose(..., "output").values
+    return quantise(outputs[..., 1:]).astype(np.float64)
+
+
+def _pair(part: xr.Dataset, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Predicted (seed, analysis, ...), true (analysis, ...), and where there is a truth."""
+    predicted = _counted(part[f"embedded_{name}"])
+    true = _counted(part[f"embedded_truth_{name}"])
+    return predicted, np.nan_to_num(true), np.isfinite(true)
+
+
+def _curve_error(part: xr.Dataset, name: str) -> np.ndarray:
+    """Relative L2 error (seed, analysis) of a curve."""
+    predicted, true, known = _pair(part, name)
+    size = np.sqrt(_mean(true**2, known))[..., None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = np.abs(predicted - true)
+        relative = np.where(error == 0.0, 0.0, error / size)
+    return np.sqrt(_mean(_clipped(relative) ** 2, known))
+
+
+def _point_stress_mse(part: xr.Dataset, normalisation: Normalisation) -> np.ndarray:
+    """Squared normalised error (seed, analysis) at the Gauss points."""
+    predicted, true, known = _pair(part, "stress")  # (.., gauss_point, component, output)
+    scale = normalisation.std["stress"][:, None]
+    error = _clipped(np.abs(predicted - true) / scale) ** 2
+    return _mean(error.mean(axis=(-3, -2)), np.asarray(known.all(axis=(-3, -2))))
+
+
+def _error_points(part: xr.Dataset) -> np.ndarray:
+    """Share of error points (seed, analysis, output); 0 where there is no truth."""
+    predicted, true, known = _pair(part, "stress")
+    labels = list(part["component"].values.astype(str))
+    predicted, true = (np.moveaxis(values, -2, -1) for values in (predicted, true))
+    broken = np.logical_not(np.isfinite(predicted).all(axis=-1))
+    relative = relative_error(np.nan_to_num(predicted), true, labels, broken)
+    there = known.all(axis=(-3, -2))
+    return np.where(there, (relative > ERROR_POINT).mean(axis=-2), 0.0)
+
+
+def _slope(shares: np.ndarray) -> np.ndarray:
+    """Least-squares slope of shares (.., output) against the share of the output steps."""
+    steps = np.arange(1, shares.shape[-1] + 1) / shares.shape[-1]
+    centred = steps - steps.mean()
+    moment = (centred * (shares - shares.mean(axis=-1, keepdims=True))).sum(axis=-1)
+    return moment / max((centred**2).sum(), np.finfo(float).tiny)
+
+
+def _acceleration_ratio(part: xr.Dataset) -> np.ndarray:
+    predicted, true, known = _pair(part, "acceleration")
+    nothing = np.logical_not(np.isfinite(predicted).any(axis=-1))
+    largest = np.nanmax(np.where(nothing[..., None], np.inf, predicted), axis=-1)
+    reference = np.where(known, true, 0.0).max(axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(largest == reference, 1.0, largest / reference)
+    return np.minimum(np.nan_to_num(ratio, nan=LARGEST_RATIO), LARGEST_RATIO)
+
+
+def _clipped(error: np.ndarray) -> np.ndarray:
+    """Errors of at most `CEILING`, which what is missing counts as."""
+    return np.minimum(np.nan_to_num(error, nan=CEILING, posinf=CEILING), CEILING)
+
+
+def _mean(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Mean over the output steps at which there is a truth."""
+    weight = known / np.maximum(known.sum(axis=-1, keepdims=True), 1)
+    return (weight * values).sum(axis=-1)
+
+
+def _check(
+    predictions: xr.Dataset, truth: xr.Dataset, analyses: Sequence[EmbeddedAnalysis]
+) -> None:
+    """Refuse predictions of other analyses than the dataset states."""
+    expected: dict[str, list[Any]] = {
+        "solver": list(SOLVERS),
+        "analysis": [analysis.name for analysis in analyses],
+        "output": list(range(analyses[0].outputs + 1)),
+        "gauss_point": list(range(analyses[0].points)),
+        "component": list(truth["component"].values),
+    }
+    for label, wanted in expected.items():
+        if label not in predictions.coords or list(predictions[label].values) != wanted:
+            raise SubmissionError(
+                f"the predictions' {label} labels are not those of the embedded analyses of "
+                f"{truth.attrs.get('dataset', 'the dataset')}; run `granbench evaluate` again"
+            )
+    for name in ("reaction", "volumetric_strain", "acceleration", "stress", "seconds",
+                 "cell_seconds"):  # fmt: skip
+        for variable in (f"embedded_{name}", f"embedded_truth_{name}"):
+            if variable not in predictions:
+                raise SubmissionError(
+                    f"the predictions lack {variable!r}; run `granbench evaluate` again"
+                )

@@ -1,0 +1,108 @@
+"""Tables of the embedded axis: models in place of the ground truth, analysis by analysis."""
+
+from collections.abc import Sequence
+
+from markupsafe import Markup
+
+from granbench.axes import EMBEDDED
+from granbench.boundary_values import SOLVERS
+from granbench.leaderboard.submission import Submission
+from granbench.leaderboard.tables import Cell, Table, TableRow, number, ordered, share
+from granbench.plotting.style import model_styles
+from granbench.scoring import Score
+from granbench.scoring.embedded import EMBEDDED_METRICS, SPEED, TITLES
+from granbench.scoring.scorecard import ALL
+
+REACTION, VOLUME, REACHED = "reaction_error", "volumetric_strain_error", "reached_share"
+IN_PERCENT = (REACTION, VOLUME, REACHED, "error_point_share")
+
+Found = dict[tuple[str, str, str], Score]
+"""Scores of the axis by solver, group and metric; empty where it was left out."""
+
+
+def analyses_tables(submissions: Sequence[Submission]) -> list[Table]:
+    """Of each solver the reaction in every analysis, and the means of every metric.
+
+    Nothing where no model was evaluated on the axis, or the task states no analyses.
+    """
+    found = {submission.name: _of_axis(submission) for submission in submissions}
+    tables = []
+    for solver in SOLVERS:
+        of_solver = [key for scores in found.values() for key in scores if key[0] == solver]
+        groups = [group for group in dict.fromkeys(key[1] for key in of_solver) if group != ALL]
+        if not groups:
+            continue
+        present = {metric for _, _, metric in of_solver}
+        metrics = [name for name in EMBEDDED_METRICS if name in present]
+        tables.append(
+            _table(
+                submissions,
+                f"{TITLES[solver]}: error of the reaction",
+                ["mean", *(group.replace("-", " ") for group in groups)],
+                {
+                    name: [_reaction(scores, solver, group) for group in (ALL, *groups)]
+                    for name, scores in found.items()
+                },
+            )
+        )
+        tables.append(
+            _table(
+                submissions,
+                f"{TITLES[solver]}: means over the analyses",
+                [EMBEDDED_METRICS[name].title for name in metrics],
+                {
+                    name: [_cell(scores.get((solver, ALL, metric))) for metric in metrics]
+                    for name, scores in found.items()
+                },
+            )
+        )
+    return tables
+
+
+def _of_axis(submission: Submission) -> Found:
+    return {
+        (score.protocol.removeprefix(f"{EMBEDDED}-"), score.group, score.metric): score
+        for score in submission.scores
+        if score.axis == EMBEDDED and score.split == ALL and score.status != "not_run"
+    }
+
+
+def _table(
+    submissions: Sequence[Submission],
+    title: str,
+    columns: Sequence[str],
+    cells: dict[str, list[Cell]],
+) -> Table:
+    styles = model_styles(submission.name for submission in submissions)
+    rows = [
+        TableRow(
+            submission.name,
+            styles[submission.name].colour,
+            submission,
+            tuple(cells[submission.name]),
+        )
+        for submission in submissions
+    ]
+    return Table(ALL, EMBEDDED, title, tuple(columns), ordered(rows, 0), 0)
+
+
+def _reaction(scores: Found, solver: str, group: str) -> Cell:
+    """The error of the reaction; below it, how far a run came that ended early."""
+    cell = _cell(scores.get((solver, group, REACTION)))
+    reached = scores.get((solver, group, REACHED))
+    if reached is None or reached.value is None or reached.value == 1.0:
+        return cell
+    note = Markup("fails after {}").format(share(reached.value))
+    return Cell(cell.text, cell.sort, note, cell.note)
+
+
+def _cell(score: Score | None) -> Cell:
+    if score is None:
+        return Cell(Markup("not run"), note="the axis was left out of the evaluation")
+    if score.value is None:
+        return Cell(Markup("n/a"), note=score.reason or "")
+    text = share(score.value) if score.metric in IN_PERCENT else number(score.value)
+    if score.metric.endswith(SPEED):
+        text += Markup(" ×")
+    seeds = ", ".join(f"{value:.3g}" for value in score.by_seed)
+    return Cell(text, score.value, note=f"{len(score.by_seed)} seeds: {seeds}")
