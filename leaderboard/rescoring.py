@@ -19,7 +19,6 @@ from granbench.leaderboard.submission import Submission, write_submission
 from granbench.predictions import evaluated, open_predictions
 from granbench.scoring import METRIC_VERSION, score
 
-
 WITHOUT_ANALYSES = ("1.1",)
 """Versions whose scores are this version's on tasks that state no boundary-value problem: 1.2 only
 added the embedded axis."""
