@@ -10,6 +10,7 @@ from pathlib import Path
 
 import xarray as xr
 
+from granbench.boundary_values import embedded_analyses
 from granbench.data.normalisation import Normalisation
 from granbench.data.store import load
 from granbench.leaderboard.board import accepted, default_folder
@@ -17,6 +18,10 @@ from granbench.leaderboard.rerunning import rerun
 from granbench.leaderboard.submission import Submission, write_submission
 from granbench.predictions import evaluated, open_predictions
 from granbench.scoring import METRIC_VERSION, score
+
+WITHOUT_ANALYSES = ("1.1",)
+"""Versions whose scores are this version's on tasks that state no boundary-value problem: 1.2 only
+added the embedded axis."""
 
 
 def rescored(submission: Submission, file: Path, records: xr.Dataset) -> Submission:
@@ -28,6 +33,8 @@ def rescored(submission: Submission, file: Path, records: xr.Dataset) -> Submiss
     file : its JSON file, the others beside it
     records : the whole dataset of its task
     """
+    if submission.metric_version in WITHOUT_ANALYSES and not embedded_analyses(records):
+        return submission.model_copy(update={"metric_version": METRIC_VERSION})
     if submission.predictions is None:
         predictions = rerun(submission, records, file)
     else:

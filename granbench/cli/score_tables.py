@@ -143,6 +143,8 @@ def _analyses(run: Sequence["Score"], name: str) -> Iterator[Table | Text]:
     """Of each solver a table of analyses, or why there is none."""
     from granbench.scoring.embedded import EMBEDDED_METRICS, TITLES
 
+    if reason := next((score.reason for score in run if score.protocol == EMBEDDED), None):
+        yield Text(f"Embedded: n/a, {reason}.")
     for solver, title in TITLES.items():
         scores = [score for score in run if score.protocol == f"{EMBEDDED}-{solver}"]
         if not any(score.value is not None for score in scores):

@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 import xarray as xr
+from embedded_tasks import task as embedded_task
 from plane_records import plane_records
 
 from granbench.axes import NOISE_PROTOCOLS
@@ -345,3 +346,23 @@ def test_a_model_is_kept_in_place_of_its_predictions_and_run_again(granbench, tm
     assert code == 2
     assert "keep its predictions" in error
     assert not (tmp_path / "own.json").exists()
+
+
+def test_a_model_is_put_in_place_of_the_ground_truth(granbench, tmp_path):
+    """Both solvers, every analysis by name; a task without analyses says why there is none."""
+    write_records(embedded_task(), tmp_path / "task.nc")
+    words = ("--axis", "embedded", "--seeds", "0", "--out", "embedded.json")
+    code, output, error = granbench("evaluate", "linear-elastic", "--task", "task.nc", *words)
+    assert (code, error) == (0, "")
+    for solver in ("explicit", "implicit"):
+        assert f"linear-elastic in place of the ground truth, {solver}" in output
+    assert "Steps before failure" in output and "smooth" in output and "rough" in output
+    submission = read_submission(tmp_path / "embedded.json")
+    assert {s.axis for s in submission.scores if s.status == "scored"} == {"embedded"}
+    code, output, _ = granbench("evaluate", "oracle", "--task", "task.nc", *words)
+    assert code == 0
+    assert "Embedded, explicit: n/a, the model reads its answers" in " ".join(output.split())
+    write_records(plane_records(), tmp_path / "paths.nc")
+    code, output, _ = granbench("evaluate", "linear-elastic", "--task", "paths.nc", *words)
+    assert code == 0
+    assert "no boundary-value problem with a ground-truth cell" in " ".join(output.split())

@@ -382,3 +382,12 @@ def test_under_new_metrics_a_model_is_run_again(submission, plane) -> None:
     again = rescored(older, file, plane)
     assert again.metric_version == before.metric_version
     assert again.curves == before.curves
+
+
+def test_a_version_that_only_added_an_axis_runs_nothing_again(submission, plane) -> None:
+    """1.2 added analyses, which this task does not state; a changed score would be found out."""
+    file = submission("persistence")
+    written = read_submission(file)
+    older = written.model_copy(update={"metric_version": "1.1"})
+    again = rescored(older, file.with_name("nowhere.json"), plane)
+    assert again == written
