@@ -130,6 +130,11 @@ def embedded_scores(
     if not analyses:
         return [], []
     obstacle = predictions.attrs.get(EMBEDDED_OBSTACLE)
+    if obstacle and not predictions.attrs.get("reads_records"):
+        raise SubmissionError(
+            "the predictions say that the embedded axis does not apply to a model that computes "
+            "its answers; run `granbench evaluate` again"
+        )
     if obstacle != "":
         status = "not_run" if obstacle is None else "not_applicable"
         reason = obstacle or f"axis {EMBEDDED} was left out of the evaluation"

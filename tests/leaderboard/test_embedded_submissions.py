@@ -109,6 +109,10 @@ SPOILED: dict[str, tuple[Callable[[xr.Dataset], xr.Dataset], str]] = {
     "solver unheard of": (
         lambda p: p.assign_coords(solver=["explicit", "guessed"]), "solver may be explicit",
     ),
+    "an excuse": (
+        lambda p: p.assign_attrs(embedded_not_applicable="my model is above that"),
+        "does not apply to a model that computes its answers",
+    ),
     "no stress": (lambda p: p.drop_vars("embedded_stress"), "lack 'embedded_stress'"),
     "another shape": (
         lambda p: p.assign(embedded_seconds=p["embedded_seconds"].isel(seed=0)), "dimensions",
