@@ -116,7 +116,7 @@ class _Outcome:
 def _every_analysis(cell: MaterialCell, dataset: xr.Dataset, prefix: str) -> xr.Dataset:
     truth, analyses = _truth(dataset), embedded_analyses(dataset)
     with _one_thread():
-        _warm_up(cell, analyses[0])
+        _warm_up(cell, analyses[0], truth)
         outcomes = [
             [_outcome(cell, analysis, solver, truth) for analysis in analyses] for solver in SOLVERS
         ]
@@ -188,12 +188,13 @@ def _outcome(
     return _Outcome(curves, stress, seconds, watched.seconds, failure)
 
 
-def _warm_up(cell: MaterialCell, analysis: EmbeddedAnalysis) -> None:
+def _warm_up(cell: MaterialCell, analysis: EmbeddedAnalysis, truth: ClassicalCell) -> None:
     """What libraries do once, before anything is timed."""
     problem = replace(posed(analysis), end_strain=1e-6)
+    start = start_of(truth, analysis.confinement)
     explicit = replace(problem.explicit(), outputs=1, modulus=analysis.modulus)
     for settings in (explicit, replace(problem.implicit(), steps=1, cuts=0)):
-        run(problem, WatchedCell(cell), solver=settings, mesh=analysis.mesh)
+        run(problem, WatchedCell(cell), solver=settings, mesh=analysis.mesh, scalars=start)
 
 
 @contextmanager

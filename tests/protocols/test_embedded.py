@@ -10,7 +10,7 @@ from embedded_tasks import OUTPUTS, ROUGH, SMOOTH, Elastic, Untraceable, analysi
 
 from granbench.boundary_values import SOLVERS
 from granbench.candidate import find_candidate
-from granbench.cell import MaterialCell
+from granbench.cell import Conditions, MaterialCell
 from granbench.data.normalisation import Normalisation
 from granbench.errors import ConfigurationError, ModelError
 from granbench.models import find_model
@@ -143,6 +143,25 @@ def test_networks_and_cells_without_a_tangent_work_in_both_solvers(model, tolera
     for solver in SOLVERS:
         assert values(found, solver)["reached_share"] == 1.0
         assert values(found, solver)["reaction_error"] < tolerance
+
+
+def test_a_model_learns_of_the_start_what_a_record_would_tell_it() -> None:
+    """At every start that there is, that which only warms up included."""
+    told: set[float] = set()
+
+    def start(conditions: Conditions) -> torch.Tensor:
+        void_ratio = conditions.require("initial_void_ratio")
+        told.update(void_ratio.tolist())
+        return torch.cat([conditions.stress, torch.zeros_like(conditions.stress)], dim=1)
+
+    truth = find_model("csuh")()
+    pressed = analysis("pressed", outputs=1, solvers=("explicit",), modulus=2e7,
+                       choices={"confinement": 1e5, "speed": 1.0})  # fmt: skip
+    model = cell(Elastic(8.0))
+    model._start = start
+    made(model, task(truth, (pressed,)))
+    state = truth.initial_state(Conditions(torch.tensor([[1e5, 1e5, 0.0]], dtype=torch.float64)))
+    assert told == {float(state.detach()[0, truth.layout["void_ratio"]])}
 
 
 def test_a_floor_without_stiffness_says_why_it_fails() -> None:
