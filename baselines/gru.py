@@ -2,7 +2,9 @@
 
 The network is shown nothing but strain increments: what the material remembers is in its hidden
 state, which starts at zero, and the stress is read from it. So it is told neither pressure nor
-density, and a path that starts elsewhere than those it was trained on is beyond it.
+density, and a path that starts elsewhere than those it was trained on is beyond it. With the output
+`change` the stress is read as its change from the start: enough for a material that does not feel
+the pressure.
 
 References
 ----------
@@ -11,7 +13,7 @@ encoder-decoder for statistical machine translation.
 """
 
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Any
+from typing import Any, Literal
 
 import torch
 import xarray as xr
@@ -25,6 +27,8 @@ from granbench.data.adapters import history_of
 from granbench.errors import ModelError
 from granbench.tensors import COMPONENT_ORDERS, component_order
 
+OUTPUTS = ("absolute", "change")
+
 
 @dataclass(frozen=True)
 class GruConfiguration:
@@ -35,6 +39,8 @@ class GruConfiguration:
     order : component order of strain and stress, that of the records it is trained on
     hidden : width of each layer's hidden state
     layers : number of GRU layers
+    output : what the last layer stands for: the stress itself (`absolute`, the thesis), or its
+        change since the path's start (`change`)
 
     Raises
     ------
@@ -45,6 +51,7 @@ class GruConfiguration:
     order: str = "plane"
     hidden: int = 30
     layers: int = 2
+    output: Literal["absolute", "change"] = "absolute"
 
     def __post_init__(self) -> None:
         if self.order not in COMPONENT_ORDERS:
@@ -55,6 +62,8 @@ class GruConfiguration:
             width = getattr(self, name)
             if not isinstance(width, int) or width < 1:
                 raise ModelError(f"{name} is {width!r}; it must be an integer of at least 1")
+        if self.output not in OUTPUTS:
+            raise ModelError(f"unknown output {self.output!r}; use {', '.join(OUTPUTS)}")
 
     @classmethod
     def of(cls, settings: dict[str, Any]) -> "GruConfiguration":
@@ -78,9 +87,13 @@ class GruConfiguration:
         """Number of strain and stress components."""
         return len(COMPONENT_ORDERS[self.order])
 
+    def target(self, stress: Tensor) -> Tensor:
+        """What the last layer stands for, for stresses (path, step, component) from the start."""
+        return stress if self.output == "absolute" else stress - stress[:, :1]
+
 
 class GruNetwork(nn.Module):
-    """Standardised strain increments to standardised stress.
+    """Standardised strain increments to standardised stress, or change of stress.
 
     Means and standard deviations are buffers, so that they travel with the weights.
     """
@@ -105,8 +118,9 @@ class GruNetwork(nn.Module):
         Increments are divided only, so that no strain stays zero.
         """
         self.increment_scale.copy_(_varying(strain.diff(dim=1).flatten(0, 1).std(dim=0)))
-        self.stress_mean.copy_(stress.flatten(0, 1).mean(dim=0))
-        self.stress_scale.copy_(_varying(stress.flatten(0, 1).std(dim=0)))
+        target = self.configuration.target(stress).flatten(0, 1)
+        self.stress_mean.copy_(target.mean(dim=0))
+        self.stress_scale.copy_(_varying(target.std(dim=0)))
 
     def forward(self, increments: Tensor) -> Tensor:
         """Standardised stress (path, step, component) after each of the increments."""
@@ -143,10 +157,11 @@ def _varying(deviation: Tensor) -> Tensor:
 
 
 class GruCell(MaterialCell):
-    """A trained `GruNetwork` as a material cell; its state is stress and hidden state.
+    """A trained `GruNetwork` as a material cell.
 
-    The first stress is what the conditions say; every later one is read from the hidden state
-    alone, so that a true stress given on the way changes nothing.
+    Its state is stress and hidden state, and the stress at the start where the output is a change
+    from it. The first stress is what the conditions say; no later one is read from the state, so
+    that a true stress given on the way changes nothing.
 
     Parameters
     ----------
@@ -159,16 +174,23 @@ class GruCell(MaterialCell):
         self.name = name
         self.order = network.configuration.order
         self.dtype = network.stress_mean.dtype
-        width = network.configuration.hidden * network.configuration.layers
-        self.layout = StateLayout.of(stress=network.configuration.components, hidden=width)
+        configuration = network.configuration
+        widths = {"stress": configuration.components}
+        widths["hidden"] = configuration.hidden * configuration.layers
+        self._from_start = configuration.output == "change"
+        if self._from_start:
+            widths["initial_stress"] = configuration.components
+        self.layout = StateLayout.of(**widths)
 
     def initial_state(self, conditions: Conditions) -> Tensor:
         """See `MaterialCell.initial_state`."""
         stress = conditions.stress.to(self.dtype)
         hidden = self.layout["hidden"]
-        return self.layout.pack(
-            stress=stress, hidden=stress.new_zeros(len(stress), hidden.stop - hidden.start)
-        )
+        slices = {"stress": stress}
+        slices["hidden"] = stress.new_zeros(len(stress), hidden.stop - hidden.start)
+        if self._from_start:
+            slices["initial_stress"] = stress
+        return self.layout.pack(**slices)
 
     def step(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """See `MaterialCell.step`."""
@@ -177,7 +199,11 @@ class GruCell(MaterialCell):
             dstrain / network.increment_scale, state[:, self.layout["hidden"]]
         )
         stress = torch.addcmul(network.stress_mean, output, network.stress_scale)
-        return stress, self.layout.pack(stress=stress, hidden=hidden)
+        if not self._from_start:
+            return stress, self.layout.pack(stress=stress, hidden=hidden)
+        start = state[:, self.layout["initial_stress"]]
+        stress = start + stress
+        return stress, self.layout.pack(stress=stress, hidden=hidden, initial_stress=start)
 
     def parameters_count(self) -> int:
         """See `MaterialCell.parameters_count`."""
@@ -216,7 +242,8 @@ class GruBaseline(NetworkBaseline[GruConfiguration, GruNetwork]):
             for buffer in (network.increment_scale, network.stress_mean, network.stress_scale)
         )
         increments = (history.strain.diff(dim=1) / scale).to(device, torch.float32)
-        stress = ((history.stress[:, 1:] - mean) / deviation).to(device, torch.float32)
+        target = network.configuration.target(history.stress)
+        stress = ((target[:, 1:] - mean) / deviation).to(device, torch.float32)
         return ResidentBatches(
             lambda paths: (increments[paths], stress[paths]), len(increments), device
         )
@@ -226,21 +253,22 @@ class GruBaseline(NetworkBaseline[GruConfiguration, GruNetwork]):
         return GruCell(network, self.name)
 
 
+_RECIPE = Recipe(
+    batch_size=50,
+    learning_rate=1e-2,
+    schedule="one-cycle",
+    largest_gradient=1.0,
+    epochs=300,
+    patience=300,
+)
+
 BASELINE = GruBaseline(
     name="gru",
     title="GRU, two layers of 30 (Guan 2023, Sec 6.3)",
     settings={
-        "reference": (
-            GruConfiguration(),
-            Recipe(
-                batch_size=50,
-                learning_rate=1e-2,
-                schedule="one-cycle",
-                largest_gradient=1.0,
-                epochs=300,
-                patience=300,
-            ),
-        ),
+        "reference": (GruConfiguration(), _RECIPE),
+        # For starts under different pressures.
+        "change": (GruConfiguration(output="change"), _RECIPE),
         # The thesis: all paths in one batch, a constant rate, 1e5 epochs.
         "paper": (GruConfiguration(), Recipe(batch_size=1000, epochs=100_000)),
     },

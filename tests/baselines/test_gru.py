@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 import xarray as xr
@@ -62,6 +63,21 @@ def test_a_gru_works_in_the_components_of_its_records(records: xr.Dataset, tmp_p
     assert cell.rollout(history_of(records).strain, conditions_of(records)).stress.isfinite().all()
 
 
+def test_read_as_change_the_stress_moves_with_its_start(j2: xr.Dataset) -> None:
+    few = j2.isel(path=slice(0, 3))
+    moved = few.assign(stress=few["stress"] + np.array([2e5, 2e5, 0.0]))
+    configuration = GruConfiguration(output="change")
+    targets = [configuration.target(history_of(records).stress) for records in (few, moved)]
+    torch.testing.assert_close(*targets, rtol=0.0, atol=1e-6)
+    network = BASELINE.seeded_network(configuration, seed=0)
+    BASELINE.scale(network, few)
+    cell = GruCell(network, "gru")
+    strain = history_of(few).strain
+    answers = [cell.rollout(strain, conditions_of(records)).stress for records in (few, moved)]
+    shift = (answers[1] - answers[0]).double()
+    torch.testing.assert_close(shift, torch.tensor([2e5, 2e5, 0.0]).double().expand_as(shift))
+
+
 def test_a_gru_learns_a_few_paths(j2: xr.Dataset, tmp_path: Path) -> None:
     few = j2.isel(path=[0, 1, int((j2["split"].values == "validation").argmax())])
     recipe = Recipe(
@@ -72,10 +88,11 @@ def test_a_gru_learns_a_few_paths(j2: xr.Dataset, tmp_path: Path) -> None:
     assert losses[-1].training_loss < 1e-2 * losses[0].training_loss
 
 
+@pytest.mark.parametrize("preset", ["reference", "change"])
 def test_the_trained_cell_has_the_validation_loss_of_its_best_epoch(
-    j2: xr.Dataset, tmp_path: Path
+    j2: xr.Dataset, tmp_path: Path, preset: str
 ) -> None:
-    folder = BASELINE.train(TrainingRequest(j2, tmp_path, epochs=3))
+    folder = BASELINE.train(TrainingRequest(j2, tmp_path, preset=preset, epochs=3))
     cell = BASELINE.load(folder, j2)
     truth = select_split(j2, "validation")
     error = (rollout(cell, truth)["stress"] - history_of(truth).stress)[:, 1:]
@@ -86,7 +103,12 @@ def test_the_trained_cell_has_the_validation_loss_of_its_best_epoch(
 
 @pytest.mark.parametrize(
     ("wrong", "named"),
-    [({"order": "polar"}, "polar"), ({"hidden": 0}, "hidden"), ({"depth": 2}, "depth")],
+    [
+        ({"order": "polar"}, "polar"),
+        ({"hidden": 0}, "hidden"),
+        ({"output": "increment"}, "increment"),
+        ({"depth": 2}, "depth"),
+    ],
 )
 def test_impossible_architecture_is_refused(wrong: dict, named: str) -> None:
     with pytest.raises(ModelError, match=named):
