@@ -1,20 +1,23 @@
-"""Tables of the embedded axis: models in place of the ground truth, analysis by analysis."""
+"""Tables and charts of the embedded axis: models in place of the ground truth."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from markupsafe import Markup
 
 from granbench.axes import EMBEDDED
 from granbench.boundary_values import SOLVERS
+from granbench.leaderboard.chart import Line, not_zero, share_chart
 from granbench.leaderboard.submission import Submission
-from granbench.leaderboard.tables import Cell, Table, TableRow, number, ordered, share
+from granbench.leaderboard.tables import Cell, Table, TableRow, line_of, number, ordered, share
 from granbench.plotting.style import model_styles
 from granbench.scoring import Score
 from granbench.scoring.embedded import EMBEDDED_METRICS, SPEED, TITLES
 from granbench.scoring.scorecard import ALL
 
 REACTION, VOLUME, REACHED = "reaction_error", "volumetric_strain_error", "reached_share"
-IN_PERCENT = (REACTION, VOLUME, REACHED, "error_point_share")
+ERROR_POINTS = "error_point_share"
+IN_PERCENT = (REACTION, VOLUME, REACHED, ERROR_POINTS)
 
 Found = dict[tuple[str, str, str], Score]
 """Scores of the axis by solver, group and metric; empty where it was left out."""
@@ -57,6 +60,44 @@ def analyses_tables(submissions: Sequence[Submission]) -> list[Table]:
             )
         )
     return tables
+
+
+@dataclass(frozen=True)
+class AnalysisChart:
+    """Error points of every model in one analysis.
+
+    Parameters
+    ----------
+    title : solver and analysis
+    svg : the picture; None where no model has an error point
+    clean : names of the models that have none
+    """
+
+    title: str
+    svg: Markup | None
+    clean: list[str]
+
+
+def analyses_charts(submissions: Sequence[Submission]) -> list[AnalysisChart]:
+    """Share of error points against the output step (Sec 5.3), of each solver and analysis."""
+    styles = model_styles(submission.name for submission in submissions)
+    lines: dict[tuple[str, str], list[Line]] = {}
+    for submission in submissions:
+        for curve in submission.curves:
+            solver = curve.protocol.removeprefix(f"{EMBEDDED}-")
+            if curve.metric != ERROR_POINTS or solver not in SOLVERS:
+                continue
+            line = line_of(submission.name, styles[submission.name], curve)
+            lines.setdefault((solver, curve.group), []).append(line)
+    ordered_places = sorted(lines, key=lambda place: SOLVERS.index(place[0]))
+    return [_chart(solver, group, lines[solver, group]) for solver, group in ordered_places]
+
+
+def _chart(solver: str, group: str, lines: Sequence[Line]) -> AnalysisChart:
+    title = f"{TITLES[solver]}: {group.replace('-', ' ')}"
+    svg = share_chart(lines, f"{title}: error points", "output step", "error points")
+    shown = {line.name for line in not_zero(lines)}
+    return AnalysisChart(title, svg, [line.name for line in lines if line.name not in shown])
 
 
 def _of_axis(submission: Submission) -> Found:

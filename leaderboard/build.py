@@ -16,7 +16,7 @@ from granbench.axes import PROTOCOLS
 from granbench.checks import CHECKS
 from granbench.data.replicates import ReplicateScatter
 from granbench.errors import ConfigurationError, SubmissionError
-from granbench.leaderboard.analyses import analyses_tables
+from granbench.leaderboard.analyses import analyses_charts, analyses_tables
 from granbench.leaderboard.board import Row, slug
 from granbench.leaderboard.chart import horizon_chart
 from granbench.leaderboard.laws_and_cost import cost_table, physics_table
@@ -181,6 +181,7 @@ def _page(
         ],
         "metrics": shown,
         "analyses": analyses_tables(submissions),
+        "analyses_charts": analyses_charts(submissions),
         "embedded_metrics": EMBEDDED_METRICS.values(),
         "checks": CHECKS.values(),
         "cost": cost_table(submissions),

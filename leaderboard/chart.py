@@ -1,6 +1,7 @@
-"""Error against horizon as inline SVG: logarithmic error, one line a model, nothing to load."""
+"""Errors along a run as inline SVG, one line a model, nothing to load."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -34,22 +35,69 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Axes:
-    """Where a horizon and an error lie on the picture: linear and logarithmic."""
+class Axes(ABC):
+    """Where a step and a value lie on the picture; the step's axis is linear.
+
+    Parameters
+    ----------
+    last : step at the right edge
+    across, up : titles of the axes
+    """
 
     last: int
-    bottom: float
-    top: float
+    across: str
+    up: str
 
-    def x(self, horizon: float) -> float:
+    def x(self, step: float) -> float:
         """Pixels from the left."""
-        return LEFT + (WIDTH - LEFT - RIGHT) * (horizon - 1) / max(1, self.last - 1)
+        return LEFT + (WIDTH - LEFT - RIGHT) * (step - 1) / max(1, self.last - 1)
 
-    def y(self, error: float) -> float:
-        """Pixels from the top; errors off the scale lie on its edge."""
-        decades = math.log10(max(error, 1e-300))
-        share = (decades - self.bottom) / (self.top - self.bottom)
-        return TOP + (HEIGHT - TOP - BOTTOM) * (1.0 - min(1.0, max(0.0, share)))
+    def y(self, value: float) -> float:
+        """Pixels from the top; values off the scale lie on its edge."""
+        return TOP + (HEIGHT - TOP - BOTTOM) * (1.0 - min(1.0, max(0.0, self.height(value))))
+
+    @abstractmethod
+    def height(self, value: float) -> float:
+        """Share of the picture's height."""
+
+    @abstractmethod
+    def ticks(self) -> list[tuple[float, str]]:
+        """Values with a grid line, and what stands at them."""
+
+
+@dataclass(frozen=True)
+class DecadeAxes(Axes):
+    """Logarithmic from 10^bottom to 10^top."""
+
+    bottom: int
+    top: int
+
+    def height(self, value: float) -> float:
+        """See `Axes.height`."""
+        return (math.log10(max(value, 1e-300)) - self.bottom) / (self.top - self.bottom)
+
+    def ticks(self) -> list[tuple[float, str]]:
+        """See `Axes.ticks`."""
+        return [
+            (
+                10.0**decade,
+                f'10<tspan dy="-5" font-size="9">{str(decade).replace("-", "−")}</tspan>',
+            )
+            for decade in range(self.bottom, self.top + 1)
+        ]
+
+
+@dataclass(frozen=True)
+class ShareAxes(Axes):
+    """From nothing to all, in per cent."""
+
+    def height(self, value: float) -> float:
+        """See `Axes.height`."""
+        return value
+
+    def ticks(self) -> list[tuple[float, str]]:
+        """See `Axes.ticks`."""
+        return [(percent / 100.0, f"{percent} %") for percent in range(0, 101, 20)]
 
 
 def horizon_chart(lines: Sequence[Line], title: str, floor: float | None = None) -> Markup | None:
@@ -65,7 +113,7 @@ def horizon_chart(lines: Sequence[Line], title: str, floor: float | None = None)
     -------
     An SVG element, or None where there is nothing to draw.
     """
-    drawn = [line for line in lines if any(value > 0.0 for value in line.value)]
+    drawn = not_zero(lines)
     if not drawn:
         return None
     positive = [value for line in drawn for value in line.value if value > 0.0]
@@ -73,10 +121,9 @@ def horizon_chart(lines: Sequence[Line], title: str, floor: float | None = None)
         positive.append(floor)
     bottom = math.floor(math.log10(min(positive)))
     top = max(bottom + 1, math.ceil(math.log10(max(positive)) - 1e-9))
-    axes = Axes(max(line.horizon[-1] for line in drawn), bottom, top)
-    parts = [*_grid(axes), *(_band(line, axes) for line in drawn if line.low)]
-    parts += [_polyline(line, axes) for line in drawn]
-    labels = [(axes.y(line.value[-1]), line.name, line.colour) for line in drawn]
+    last = max(line.horizon[-1] for line in drawn)
+    axes = DecadeAxes(last, "horizon [steps since truth was given]", "stress MSE [–]", bottom, top)
+    parts, labels = _drawn(axes, drawn)
     if floor:
         y = axes.y(floor)
         parts.append(
@@ -84,41 +131,75 @@ def horizon_chart(lines: Sequence[Line], title: str, floor: float | None = None)
             f"<title>replicate scatter: {floor:.3g}</title></line>"
         )
         labels.append((y, "replicate scatter", ""))
-    parts += _labels(labels)
+    return _svg(title, parts, labels)
+
+
+def share_chart(lines: Sequence[Line], title: str, across: str, up: str) -> Markup | None:
+    """A chart of shares, from 0 to 1, against the step of a run.
+
+    Parameters
+    ----------
+    lines : the models; those that are zero everywhere are left out, see `not_zero`
+    title : for readers who hear the page
+    across, up : titles of the axes
+
+    Returns
+    -------
+    An SVG element, or None where there is nothing to draw.
+    """
+    drawn = not_zero(lines)
+    if not drawn:
+        return None
+    parts, labels = _drawn(ShareAxes(max(line.horizon[-1] for line in drawn), across, up), drawn)
+    return _svg(title, parts, labels)
+
+
+def not_zero(lines: Sequence[Line]) -> list[Line]:
+    """The lines that have something to show."""
+    return [line for line in lines if any(value > 0.0 for value in line.value)]
+
+
+def _drawn(axes: Axes, lines: Sequence[Line]) -> tuple[list[str], list[tuple[float, str, str]]]:
+    """Grid, bands and lines, and the labels at the lines' ends: height, name and colour."""
+    parts = [*_grid(axes), *(_band(line, axes) for line in lines if line.low)]
+    parts += [_polyline(line, axes) for line in lines]
+    return parts, [(axes.y(line.value[-1]), line.name, line.colour) for line in lines]
+
+
+def _svg(title: str, parts: list[str], labels: list[tuple[float, str, str]]) -> Markup:
     return Markup(
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(title)}">'
-        f"{''.join(parts)}</svg>"
+        f"{''.join(parts + _labels(labels))}</svg>"
     )
 
 
 def _grid(axes: Axes) -> list[str]:
     right, base = WIDTH - RIGHT, HEIGHT - BOTTOM
     parts = []
-    for decade in range(int(axes.bottom), int(axes.top) + 1):
-        y = axes.y(10.0**decade)
+    for value, text in axes.ticks():
+        y = axes.y(value)
         parts.append(f'<line class="grid" x1="{LEFT}" x2="{right}" y1="{y:.1f}" y2="{y:.1f}"/>')
         parts.append(
-            f'<text class="tick" x="{LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">10'
-            f'<tspan dy="-5" font-size="9">{str(decade).replace("-", "−")}</tspan></text>'
+            f'<text class="tick" x="{LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{text}</text>'
         )
-    for horizon in _ticks(axes.last):
-        x = axes.x(horizon)
+    for step in _steps_marked(axes.last):
+        x = axes.x(step)
         parts.append(f'<line class="grid" x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{base}"/>')
         parts.append(
-            f'<text class="tick" x="{x:.1f}" y="{base + 17}" text-anchor="middle">{horizon}</text>'
+            f'<text class="tick" x="{x:.1f}" y="{base + 17}" text-anchor="middle">{step}</text>'
         )
     centre = (LEFT + right) / 2
     middle = (TOP + base) / 2
     parts.append(
         f'<text class="axis" x="{centre}" y="{HEIGHT - 8}" text-anchor="middle">'
-        "horizon [steps since truth was given]</text>"
+        f"{escape(axes.across)}</text>"
         f'<text class="axis" transform="translate(14 {middle}) rotate(-90)" '
-        'text-anchor="middle">stress MSE [–]</text>'
+        f'text-anchor="middle">{escape(axes.up)}</text>'
     )
     return parts
 
 
-def _ticks(last: int) -> list[int]:
+def _steps_marked(last: int) -> list[int]:
     step = next(step for step in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000) if last / step <= 7)
     return [1, *range(max(step, 2), last + 1, step)]
 

@@ -10,10 +10,10 @@ from markupsafe import Markup, escape
 from granbench.axes import PROTOCOLS
 from granbench.leaderboard.chart import Line
 from granbench.leaderboard.submission import Submission
-from granbench.plotting.style import LINE_STYLES, model_styles
+from granbench.plotting.style import LINE_STYLES, ModelStyle, model_styles
 from granbench.scoring import Score
 from granbench.scoring.metrics import metrics
-from granbench.scoring.scorecard import ALL
+from granbench.scoring.scorecard import ALL, Curve
 
 _TITLES = {metric.name: metric.title for metric in metrics([], "noise")}
 METRICS_SHOWN: dict[str, str] = {
@@ -155,19 +155,14 @@ def lines_of(submissions: Sequence[Submission], split: str, protocol: str) -> li
     for submission in submissions:
         for curve in submission.curves:
             if (curve.split, curve.protocol) == (split, protocol):
-                style = styles[submission.name]
-                lines.append(
-                    Line(
-                        submission.name,
-                        style.colour,
-                        DASHES[LINE_STYLES.index(style.linestyle)],
-                        curve.horizon,
-                        curve.value,
-                        curve.low,
-                        curve.high,
-                    )
-                )
+                lines.append(line_of(submission.name, styles[submission.name], curve))
     return lines
+
+
+def line_of(name: str, style: ModelStyle, curve: Curve) -> Line:
+    """A model's curve in its colour and dashes."""
+    dash = DASHES[LINE_STYLES.index(style.linestyle)]
+    return Line(name, style.colour, dash, curve.horizon, curve.value, curve.low, curve.high)
 
 
 def number(value: float) -> Markup:
