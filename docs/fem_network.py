@@ -1,10 +1,10 @@
-"""The part of docs/fem.md on a trained network inside the problems: its table and its figure.
+"""The part of docs/fem.md on trained networks inside the problems: its tables and figures.
 
-The networks are those of the board: `gru` on `gp-j2`, a folder a seed.
+The networks are those of the board, a folder a seed.
 """
 
 from collections.abc import Mapping
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
@@ -13,14 +13,65 @@ from page_parts import table
 
 from granbench.cell import MaterialCell
 from granbench.driven_model import ModelChoice
-from granbench.fem import find_problem, run
+from granbench.fem import Problem, find_problem, run
 from granbench.leaderboard.board import default_folder
 from granbench.models import MODELS
 from granbench.plotting.style import figure_grid, house_style, model_styles
 
-TRUTH, NETWORK, TASK = "j2", "gru", "gp-j2"
-SHOWN = {"biaxial": "medium", "strip-footing": "coarse"}
-"""Problem and mesh."""
+
+@dataclass(frozen=True)
+class Exhibit:
+    """A network of the board in place of the model that made its data.
+
+    Parameters
+    ----------
+    task : what it was trained on
+    truth : the model that made the data
+    network : its name on the board
+    problems : what is analysed, and on which mesh, by name
+    """
+
+    task: str
+    truth: str
+    network: str
+    problems: Mapping[str, tuple[Problem, str]]
+
+    def networks(self) -> dict[str, MaterialCell]:
+        """The networks by their seeds."""
+        folders = (default_folder() / self.task / f"{self.network}.model").iterdir()
+        return {
+            folder.name: ModelChoice(str(folder)).cell("plane")
+            for folder in sorted(folders, key=lambda folder: int(folder.name))
+        }
+
+
+CONFINEMENT = 1e5
+"""Pa, in the middle of those that `fem-ime` was made with."""
+
+EXHIBITS: Mapping[str, Exhibit] = {
+    "network": Exhibit(
+        "gp-j2",
+        "j2",
+        "gru",
+        {
+            "biaxial": (find_problem("biaxial"), "medium"),
+            "strip-footing": (find_problem("strip-footing"), "coarse"),
+        },
+    ),
+    "network-fem-ime": Exhibit(
+        "fem-ime",
+        "ime",
+        "gru-change",
+        {
+            "biaxial": (find_problem("biaxial", confinement=CONFINEMENT), "medium"),
+            "retaining-wall": (
+                find_problem("retaining-wall", confinement=CONFINEMENT, end_strain=0.05),
+                "coarse",
+            ),
+        },
+    ),
+}
+"""By the part of the page."""
 
 SOLVERS = ("implicit", "explicit")
 
@@ -28,37 +79,28 @@ Runs = Mapping[tuple[str, str], Mapping[str, xr.Dataset]]
 """By problem and solver: the analysis with the ground truth, and that with each seed."""
 
 
-def networks() -> dict[str, MaterialCell]:
-    """The networks of the board by their seeds."""
-    folders = sorted((default_folder() / TASK / f"{NETWORK}.model").iterdir(), key=_number)
-    return {folder.name: ModelChoice(str(folder)).cell("plane") for folder in folders}
-
-
-def _number(folder: Path) -> int:
-    return int(folder.name)
-
-
-def analyses() -> Runs:
-    """Both problems with both solvers, with the ground truth and with every network."""
-    cells: dict[str, MaterialCell] = {TRUTH: MODELS[TRUTH](), **networks()}
+def analyses(exhibit: Exhibit) -> Runs:
+    """Every problem with both solvers, with the ground truth and with every network."""
+    truth: dict[str, MaterialCell] = {exhibit.truth: MODELS[exhibit.truth]()}
+    cells = truth | exhibit.networks()
     return {
         (name, solver): {
-            label: run(find_problem(name), cell, solver=solver, mesh=mesh).dataset
+            label: run(problem, cell, solver=solver, mesh=mesh).dataset
             for label, cell in cells.items()
         }
-        for name, mesh in SHOWN.items()
+        for name, (problem, mesh) in exhibit.problems.items()
         for solver in SOLVERS
     }
 
 
-def network_part(found: Runs) -> str:
+def network_part(exhibit: Exhibit, found: Runs) -> str:
     """How far reaction and volumetric strain of the networks are from those of the truth."""
     rows = []
     for (problem, solver), runs in found.items():
-        truth = runs[TRUTH]
+        truth = runs[exhibit.truth]
         row = [f"`{problem}`", solver, f"{float(truth['reaction'][-1]) / 1e3:.4g}"]
         for label, analysis in runs.items():
-            if label == TRUTH:
+            if label == exhibit.truth:
                 continue
             if not analysis.attrs["completed"]:
                 row.append(f"fails at step {analysis.attrs['failed_step']}")
@@ -69,8 +111,8 @@ def network_part(found: Runs) -> str:
             ]
             row.append(", ".join(errors))
         rows.append(row)
-    seeds = [f"seed {label}" for label in next(iter(found.values())) if label != TRUTH]
-    return table(("problem", "solver", "reaction with `j2`, kN/m", *seeds), rows)
+    seeds = [f"seed {label}" for label in next(iter(found.values())) if label != exhibit.truth]
+    return table(("problem", "solver", f"reaction with `{exhibit.truth}`, kN/m", *seeds), rows)
 
 
 def _percent(share: float) -> str:
@@ -83,20 +125,20 @@ def _distance(series: xr.DataArray, truth: xr.DataArray) -> float:
 
 
 @house_style
-def network_figure(found: Runs) -> Figure:
+def network_figure(exhibit: Exhibit, found: Runs) -> Figure:
     """Reaction against driving strain: the truth as dots, a line for each seed."""
-    figure, axes = figure_grid(len(SHOWN), len(SOLVERS), panel=(3.6, 2.6))
-    style = model_styles([NETWORK])[NETWORK]
+    figure, axes = figure_grid(len(exhibit.problems), len(SOLVERS), panel=(3.6, 2.6))
+    style = model_styles([exhibit.network])[exhibit.network]
     for axis, ((problem, solver), runs) in zip(axes, found.items(), strict=True):
         for label, analysis in runs.items():
             strain = 100.0 * analysis["driving_strain"].values
             reaction = analysis["reaction"].values / 1e3
-            if label == TRUTH:
-                axis.plot(strain[::4], reaction[::4], ".", color="0.25", markersize=4, label=TRUTH)
+            if label == exhibit.truth:
+                axis.plot(strain[::4], reaction[::4], ".", color="0.25", markersize=4, label=label)
             else:
                 axis.plot(strain, reaction, **style.line(), alpha=0.8)
         axis.set_title(f"{problem}, {solver}", fontsize=9)
         axis.set(xlabel="driving strain [%]", ylabel="reaction [kN/m]")
-    axes[0].plot([], [], **style.line(), label=f"{NETWORK}, each seed")
+    axes[0].plot([], [], **style.line(), label=f"{exhibit.network}, each seed")
     axes[0].legend()
     return figure

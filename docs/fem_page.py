@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from fem_network import EXHIBITS, network_figure, network_part
 from fem_network import analyses as network_analyses
-from fem_network import network_figure, network_part
 from matplotlib.figure import Figure
 from page_parts import table, with_parts, write_picture
 
@@ -59,6 +59,7 @@ def choices_part() -> str:
         "confinement": "on free boundaries, Pa, or `random:V_C:SEED` (Eq 4.21)",
         "end_strain": "driving strain at the end",
         "speed": "of the drive, m/s",
+        "load_path": "CSV file of the drive, in place of `cycles`, `end_strain` and `speed`",
         "ends": "platens: rough or smooth",
         "wall": "smooth or rough",
         "weight": "whether the soil has weight",
@@ -67,7 +68,7 @@ def choices_part() -> str:
     owners: dict[str, dict[str, str]] = {}
     for name, kind in PROBLEMS.items():
         for choice, value in kind().configuration().items():
-            owners.setdefault(choice, {})[name] = _shown(value)
+            owners.setdefault(choice, {})[name] = _shown(choice, value)
     rows = []
     for choice, values in owners.items():
         everywhere = len(values) == len(PROBLEMS)
@@ -80,9 +81,9 @@ def choices_part() -> str:
     return table(("choice", "meaning", "default"), rows)
 
 
-def _shown(value: object) -> str:
+def _shown(choice: str, value: object) -> str:
     if value is None:
-        return "by the model"
+        return "none" if choice == "load_path" else "by the model"
     return "no" if value is False else f"{value:g}" if isinstance(value, float) else str(value)
 
 
@@ -200,9 +201,11 @@ def main() -> None:
     write_picture(problem_figure([kind() for kind in PROBLEMS.values()]), FOLDER / "problems.png")
     # Shades and lines together are many colours.
     write_picture(results_figure(analyses()), FOLDER / "results.png", colours=256)
-    with_networks = network_analyses()
-    write_picture(network_figure(with_networks), FOLDER / "network.png")
-    parts = cheap_parts() | analysed_parts() | {"network": network_part(with_networks)}
+    parts = cheap_parts() | analysed_parts()
+    for part, exhibit in EXHIBITS.items():
+        with_networks = network_analyses(exhibit)
+        write_picture(network_figure(exhibit, with_networks), FOLDER / f"{part}.png")
+        parts[part] = network_part(exhibit, with_networks)
     PAGE.write_text(with_parts(PAGE.read_text(encoding="utf-8"), parts), encoding="utf-8")
 
 

@@ -10,10 +10,12 @@ from pathlib import Path
 
 from page_parts import table, with_part
 
+from granbench.axes import EMBEDDED
+from granbench.boundary_values import SOLVERS
 from granbench.leaderboard.board import accepted, default_folder
 from granbench.leaderboard.reference import replicate_scatters
 from granbench.leaderboard.submission import Submission
-from granbench.leaderboard.tables import RANKED_PROTOCOL, main_table, number
+from granbench.leaderboard.tables import RANKED_PROTOCOL, main_table, number, share
 from granbench.scoring import Score
 from granbench.scoring.scorecard import ALL
 
@@ -22,6 +24,7 @@ TASK, SPLIT, METRIC = "dem-triaxial", "test", "stress_mse_mean"
 LEAST = 1e-300
 """Stands for zero in a mean of logarithms."""
 RANDOM_PATH_TASKS = ("gp-j2", "gp-dp", "gp-j2-hardening", "gp-ime", "gp-csuh")
+ANALYSED_TASKS = ("fem-ime", "fem-csuh")
 
 
 def scores_table(submissions: Sequence[Submission], floor: float | None) -> str:
@@ -53,10 +56,8 @@ def rollout_table(by_task: Mapping[str, Sequence[Submission]]) -> str:
     known: dict[str, dict[str, Score]] = {}
     for task, submissions in by_task.items():
         for submission in submissions:
-            for score in submission.scores:
-                where = (score.protocol, score.split, score.group, score.metric)
-                if where == (RANKED_PROTOCOL, SPLIT, ALL, METRIC):
-                    known.setdefault(submission.name, {})[task] = score
+            if score := _mean_score(submission, RANKED_PROTOCOL, SPLIT, METRIC):
+                known.setdefault(submission.name, {})[task] = score
 
     def rank(name: str) -> tuple[int, float, str]:
         """Models with scores on more tasks first, then by the geometric mean of their errors."""
@@ -69,6 +70,47 @@ def rollout_table(by_task: Mapping[str, Sequence[Submission]]) -> str:
         for name in sorted(known, key=rank)
     ]
     return table(("model", *by_task), rows)
+
+
+def analyses_table(by_task: Mapping[str, Sequence[Submission]]) -> str:
+    """Markdown table of path and analysis errors: models, in the order of their tasks and errors.
+
+    Parameters
+    ----------
+    by_task : submissions of each task that states analyses
+    """
+    header = ("task", "model", "rollout, test paths", *(f"reaction, {name}" for name in SOLVERS),
+              *(f"steps before failure, {name}" for name in SOLVERS))  # fmt: skip
+    rows = []
+    for task, submissions in by_task.items():
+        found = [
+            (submission.name, [_mean_score(submission, *place) for place in _ANALYSED_PLACES])
+            for submission in submissions
+        ]
+        for name, (rollout, *others) in sorted(found, key=lambda item: _error(item[1][1])):
+            cells = [share(s.value) if s and s.value is not None else "–" for s in others]
+            rows.append((task, name, _shown(rollout), *map(str, cells)))
+    return table(header, rows)
+
+
+_ANALYSED_PLACES = (
+    (RANKED_PROTOCOL, SPLIT, METRIC),
+    *((f"{EMBEDDED}-{solver}", ALL, "reaction_error") for solver in SOLVERS),
+    *((f"{EMBEDDED}-{solver}", ALL, "reached_share") for solver in SOLVERS),
+)
+"""Protocol, split and metric of the columns of `analyses_table`."""
+
+
+def _mean_score(submission: Submission, protocol: str, split: str, metric: str) -> Score | None:
+    place = (protocol, split, ALL, metric)
+    for score in submission.scores:
+        if (score.protocol, score.split, score.group, score.metric) == place:
+            return score
+    return None
+
+
+def _error(score: Score | None) -> float:
+    return math.inf if score is None or score.value is None else score.value
 
 
 def _shown(score: Score | None) -> str:
@@ -86,7 +128,9 @@ def readme() -> str:
         floor = scatter.floor_mse if scatter else None
         page = with_part(page, "scores", scores_table(rows, floor))
     by_task = {task: newest(task) for task in RANDOM_PATH_TASKS}
-    return with_part(page, "random-path-scores", rollout_table(by_task))
+    page = with_part(page, "random-path-scores", rollout_table(by_task))
+    analysed = {task: newest(task) for task in ANALYSED_TASKS}
+    return with_part(page, "analyses-scores", analyses_table(analysed))
 
 
 def newest(task: str) -> list[Submission]:

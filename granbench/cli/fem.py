@@ -42,15 +42,21 @@ def fem(
     out: Annotated[Path, typer.Option("--out", help="netCDF file (.nc) to write.")],
     solver: Annotated[str, typer.Option("--solver", help="explicit or implicit.")] = "explicit",
     mesh: Annotated[
-        str | None, typer.Option("--mesh", help="coarse, medium, fine, or another of the problem.")
+        str | None,
+        typer.Option(
+            "--mesh",
+            metavar="NAME|FILE",
+            help="coarse, medium, fine, another of the problem, or a file such as soil.msh whose "
+            "boundaries have the names of the problem's.",
+        ),
     ] = None,
     choose: Annotated[
         list[str] | None,
         typer.Option(
             "--choose",
             metavar="NAME=VALUE",
-            help="A choice of the problem, as cycles=cyclic, end_strain=0.05, ends=smooth or "
-            "confinement=random:3:1 (v_c and seed).",
+            help="A choice of the problem, as cycles=cyclic, end_strain=0.05, ends=smooth, "
+            "confinement=random:3:1 (v_c and seed) or load_path=FILE.csv (time, displacement).",
         ),
     ] = None,
     params: Annotated[

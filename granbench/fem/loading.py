@@ -151,6 +151,12 @@ class Loading:
     forces: tuple[Pressure | Traction, ...] = ()
     gravity: tuple[float, float] = (0.0, 0.0)
 
+    @property
+    def boundaries(self) -> tuple[str, ...]:
+        """Names of the boundaries that it refers to."""
+        moved = (motion.where for motion in self.prescribed if isinstance(motion.where, str))
+        return tuple(dict.fromkeys((*moved, *(force.boundary for force in self.forces))))
+
 
 @dataclass(frozen=True)
 class AssembledLoading:

@@ -156,6 +156,8 @@ def test_interrupted_run_keeps_its_output_so_far(fem, cell, code):
         (("biaxal", "--cell", "j2"), ["unknown problem 'biaxal': did you mean 'biaxial'?"]),
         (("biaxial", "--cell", "j3"), ["unknown model 'j3'"]),
         (("biaxial", "--cell", "j2", "--mesh", "fin"), ["no mesh 'fin': did you mean 'fine'?"]),
+        (("biaxial", "--cell", "j2", "--mesh", "soil.msh"), ["soil.msh: there is no such file"]),
+        (("biaxial", "--cell", "j2", "--choose", "load_path=a.csv"), ["load path a.csv: cannot"]),
         (("biaxial", "--cell", "j2", "--solver", "exact"), ["there are explicit and implicit"]),
         (("biaxial", "--cell", "own:solid"), ["has 6 full components", "needs xx, yy, xy"]),
         (("biaxial", "--cell", "j2", "--time-step", "0.1"), ["is unstable", "one below"]),
@@ -185,6 +187,22 @@ def test_interrupted_run_keeps_its_output_so_far(fem, cell, code):
 def test_user_errors_are_one_sentence(fem, words, parts, tmp_path):
     refused(fem(*words, "--out", "a.nc"), *parts)
     assert not (tmp_path / "a.nc").exists()
+
+
+def test_load_path_of_a_file_is_one_load_step_a_row_at_least(fem, tmp_path):
+    (tmp_path / "path.csv").write_text("time,displacement\n0,0\n1,2e-3\n2,1e-3\n3,3e-3\n")
+    words = ("biaxial", "--cell", "own:hooke", "--solver", "implicit", "--mesh", "coarse",
+             "--outputs", 1, "--choose", "load_path=path.csv", "--out", "a.nc")  # fmt: skip
+    code, _, err = fem(*words)
+    assert code == 0, err
+    with xr.open_dataset("a.nc") as found:
+        assert found["driving_displacement"].values == pytest.approx([0.0, 2e-3, 1e-3, 3e-3])
+        # Hooke's law: the reaction follows the displacement, forth and back.
+        reaction = found["reaction"].values / found["reaction"].values[1]
+        assert reaction == pytest.approx([0.0, 1.0, 0.5, 1.5])
+    refused(fem(*words, "--choose", "cycles=cyclic"), "the load path says", "leave out cycles")
+    (tmp_path / "path.csv").write_text("time,displacement\n0,0\n2,2e-3\n1,1e-3\n")
+    refused(fem(*words), "path.csv", "not monotone in time: entry 2 is at 1 s after 2 s")
 
 
 def test_targets_are_refused_before_anything_is_computed(fem, tmp_path):

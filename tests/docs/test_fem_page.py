@@ -7,6 +7,7 @@ import fem_network
 import fem_page
 import numpy as np
 import pytest
+from fem_network import EXHIBITS
 from page_parts import markers, write_picture
 from test_pages import ROOT, blocks, printed, run_command
 
@@ -37,13 +38,16 @@ def test_tables_of_results_are_what_the_code_makes(part: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_table_of_networks_is_what_the_boards_networks_do() -> None:
-    assert fem_network.network_part(fem_network.analyses()) == written("network")
+@pytest.mark.parametrize("part", EXHIBITS)
+def test_the_table_of_networks_is_what_the_boards_networks_do(part: str) -> None:
+    exhibit = EXHIBITS[part]
+    assert fem_network.network_part(exhibit, fem_network.analyses(exhibit)) == written(part)
 
 
-def test_networks_on_the_page_are_those_of_the_board() -> None:
-    assert list(fem_network.networks()) == ["0", "1", "2"]
-    header = written("network").splitlines()[0]
+@pytest.mark.parametrize("part", EXHIBITS)
+def test_networks_on_the_page_are_those_of_the_board(part: str) -> None:
+    assert list(EXHIBITS[part].networks()) == ["0", "1", "2"]
+    header = written(part).splitlines()[0]
     assert all(f"seed {seed}" in header for seed in (0, 1, 2))
 
 

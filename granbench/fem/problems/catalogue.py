@@ -7,6 +7,7 @@ from dataclasses import fields
 from typing import Any
 
 from granbench.errors import ConfigurationError, alternatives
+from granbench.fem.load_path_file import read_load_path
 from granbench.fem.problems.biaxial import Biaxial
 from granbench.fem.problems.dog_bone import DogBone
 from granbench.fem.problems.perforated_plate import PerforatedPlate
@@ -22,6 +23,9 @@ PROBLEMS: Mapping[str, type[Problem]] = {
 TRUTH = {"true": True, "yes": True, "false": False, "no": False}
 
 RANDOM = "random"
+
+DRIVE = ("cycles", "end_strain", "speed")
+"""Choices that a load path takes the place of."""
 
 
 def find_problem(name: str, **choices: Any) -> Problem:
@@ -55,7 +59,8 @@ def chosen_from_text(name: str, texts: Sequence[str]) -> Problem:
     Parameters
     ----------
     name : a key of `PROBLEMS`
-    texts : NAME=VALUE each; a confinement may be ``random:V_C`` or ``random:V_C:SEED`` (Eq 4.21)
+    texts : NAME=VALUE each; a confinement may be ``random:V_C`` or ``random:V_C:SEED`` (Eq 4.21),
+        a load path is the name of a file, see `read_load_path`
 
     Raises
     ------
@@ -70,17 +75,23 @@ def chosen_from_text(name: str, texts: Sequence[str]) -> Problem:
         if not (sign and choice.isidentifier()):
             raise ConfigurationError(f"{text!r} is no choice; give NAME=VALUE, as cycles=cyclic")
         choices[choice] = _parsed(choice, value, defaults[choice]) if choice in defaults else value
+    if "load_path" in choices and (twice := [each for each in DRIVE if each in choices]):
+        raise ConfigurationError(
+            f"the load path says how the problem is driven; leave out {', '.join(twice)}"
+        )
     return find_problem(name, **choices)
 
 
 def _parsed(choice: str, text: str, default: object) -> object:
-    """A value of the kind that the default has; that of the confinement is None."""
+    """A value of the kind that the default has; those of confinement and load path are None."""
     if isinstance(default, str):
         return text
     if isinstance(default, bool):
         if text.lower() not in TRUTH:
             raise ConfigurationError(f"{choice}={text}: give one of {', '.join(TRUTH)}")
         return TRUTH[text.lower()]
+    if choice == "load_path":
+        return read_load_path(text)
     if choice == "confinement" and text.startswith(RANDOM):
         return _random_confinement(text)
     return _number(choice, text)

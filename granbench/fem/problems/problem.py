@@ -15,6 +15,7 @@ from granbench.errors import ConfigurationError, alternatives
 from granbench.fem.iteration import ImplicitSettings
 from granbench.fem.loading import Loading, LoadingHistory, Pressure
 from granbench.fem.mesh import Floats, PlaneMesh
+from granbench.fem.mesh_file import is_mesh_file, read_mesh
 from granbench.fem.time_step import ExplicitSettings
 from granbench.paths.confining_pressure import RandomConfinement
 
@@ -43,6 +44,7 @@ class Problem(abc.ABC):
         compression only, and none for any other, as in the thesis.
     end_strain : driving strain at the end
     speed : of the drive, m/s
+    load_path : the driving displacement, m, in place of cycles, end_strain and speed
 
     Attributes
     ----------
@@ -76,6 +78,7 @@ class Problem(abc.ABC):
     confinement: float | RandomConfinement | None = None
     end_strain: float = 0.1
     speed: float = 0.1
+    load_path: LoadingHistory | None = None
 
     def __post_init__(self) -> None:
         for name, known in {"cycles": tuple(CYCLES), **self.choices}.items():
@@ -132,6 +135,8 @@ class Problem(abc.ABC):
 
     def drive_history(self) -> LoadingHistory:
         """The driving displacement, m."""
+        if self.load_path is not None:
+            return self.load_path
         end = self.drive_length * self.end_strain
         turns = [end * share for share in (*CYCLES[self.cycles], 1.0)]
         return LoadingHistory.through(turns, self.speed)
@@ -148,19 +153,31 @@ class Problem(abc.ABC):
         return tuple(Pressure(boundary, history) for boundary in boundaries)
 
     def mesh(self, name: str | None = None) -> PlaneMesh:
-        """A mesh by name, or the default one.
+        """A mesh by name, or the default one; or that of a file, see `read_mesh`.
 
         Raises
         ------
         ConfigurationError
-            If there is none of this name.
+            If there is none of this name, or the file's lacks a boundary of the problem.
         """
         name = name or self.default_mesh
+        if is_mesh_file(name):
+            return self._mesh_of_file(name)
         if name not in self.meshes:
             raise ConfigurationError(
                 f"{self.name} has no mesh {name!r}: {alternatives(name, self.meshes)}"
             )
         return self.meshes[name]()
+
+    def _mesh_of_file(self, file: str) -> PlaneMesh:
+        mesh = read_mesh(file)
+        try:
+            loading = self.loading(mesh)
+            for boundary in loading.boundaries:
+                mesh.facets_on(boundary)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"mesh {file}, for {self.name}: {error}") from error
+        return mesh
 
     def explicit(self) -> ExplicitSettings:
         """How the explicit solver is set by default."""

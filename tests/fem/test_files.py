@@ -1,0 +1,139 @@
+"""Meshes and load paths from files give the same analysis as those made here, or a sentence."""
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from granbench.errors import ConfigurationError
+from granbench.fem import find_problem, run
+from granbench.fem.load_path_file import read_load_path
+from granbench.fem.mesh_file import read_mesh
+from granbench.models import MODELS
+
+WIDTH, HEIGHT, COLUMNS, ROWS = 0.5, 1.0, 2, 4
+
+
+def gmsh_like(
+    file: Path,
+    *,
+    names: tuple[str, ...] = ("bottom", "right", "top", "left"),
+    cells: str = "quad",
+    moved: tuple[int, float] | None = None,
+) -> Path:
+    """The biaxial test's coarse mesh as Gmsh writes one: tagged edges and physical names."""
+    x, y = np.linspace(0.0, WIDTH, COLUMNS + 1), np.linspace(0.0, HEIGHT, ROWS + 1)
+    points = np.array([(a, b, 0.0) for b in y for a in x])
+    if moved is not None:
+        points[moved[0], 0] += moved[1]
+    place = np.arange(len(points)).reshape(ROWS + 1, COLUMNS + 1)
+    corners = [place[:-1, :-1], place[:-1, 1:], place[1:, 1:], place[1:, :-1]]
+    quads = np.stack([corner.ravel() for corner in corners], axis=1)
+    edges = dict(
+        zip(
+            ("bottom", "right", "top", "left"),
+            (place[0], place[:, -1], place[-1], place[:, 0]),
+            strict=True,
+        )
+    )
+    lines = [np.stack([row[:-1], row[1:]], axis=1) for row in edges.values()]
+    tags = np.concatenate([np.full(len(line), tag) for tag, line in enumerate(lines, start=1)])
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    body = quads if cells == "quad" else triangles
+    field = {name: np.array([tag, 1]) for tag, name in enumerate(names, start=1)}
+    field["soil"] = np.array([9, 2])
+    known = np.isin(tags, range(1, len(names) + 1))
+    mesh = meshio.Mesh(
+        points,
+        [("line", np.concatenate(lines)[known]), (cells, body)],
+        cell_data={
+            "gmsh:physical": [tags[known], np.full(len(body), 9)],
+            "gmsh:geometrical": [tags[known], np.full(len(body), 9)],
+        },
+        field_data=field,
+    )
+    mesh.write(file, file_format="gmsh22", binary=False)
+    return file
+
+
+@pytest.mark.parametrize("solver", ["implicit", "explicit"])
+def test_a_mesh_from_a_file_is_analysed_like_the_same_one_made_here(
+    tmp_path: Path, solver: str
+) -> None:
+    problem = find_problem("biaxial", end_strain=0.004, confinement=5e4)
+    file = gmsh_like(tmp_path / "soil.msh")
+    reactions = [
+        run(problem, MODELS["j2"](), solver=solver, mesh=mesh).check()["reaction"].values
+        for mesh in ("coarse", str(file))
+    ]
+    np.testing.assert_allclose(*reactions, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("cells", "element"), [("quad", "quad8"), ("triangle", "tri6")])
+def test_cells_become_elements_with_nodes_on_their_edges(
+    tmp_path: Path, cells: str, element: str
+) -> None:
+    mesh = read_mesh(gmsh_like(tmp_path / "soil.msh", cells=cells))
+    assert mesh.element == element
+    assert set(mesh.boundary_names) == {"left", "right", "bottom", "top"}
+    assert mesh.nodes[mesh.nodes_on("top"), 1] == pytest.approx(HEIGHT)
+    assert len(mesh.nodes_on("left")) == 2 * ROWS + 1
+
+
+def test_what_is_wrong_with_a_mesh_file_is_said(tmp_path: Path) -> None:
+    broken = tmp_path / "broken.msh"
+    broken.write_text("$MeshFormat\nnothing\n")
+    with pytest.raises(ConfigurationError, match=r"broken\.msh: is no mesh"):
+        read_mesh(broken)
+    with pytest.raises(ConfigurationError, match=r"none\.msh: there is no such file"):
+        read_mesh(tmp_path / "none.msh")
+    inverted = gmsh_like(tmp_path / "inverted.msh", moved=(4, 0.6))
+    with pytest.raises(ConfigurationError, match=r"inverted\.msh: element \d+ .* is inverted"):
+        read_mesh(inverted)
+    unnamed = gmsh_like(tmp_path / "unnamed.msh", names=())
+    with pytest.raises(ConfigurationError, match=r"unnamed\.msh: names no boundary"):
+        read_mesh(unnamed)
+    partly = gmsh_like(tmp_path / "partly.msh", names=("bottom", "right", "upper", "left"))
+    with pytest.raises(ConfigurationError, match=r"partly\.msh, for biaxial: .* no boundary 'top'"):
+        find_problem("biaxial").mesh(str(partly))
+    solid = tmp_path / "solid.vtk"
+    meshio.Mesh(np.eye(4, 3), [("tetra", np.array([[0, 1, 2, 3]]))]).write(solid)
+    with pytest.raises(ConfigurationError, match=r"solid\.vtk: its plane cells are none"):
+        read_mesh(solid)
+
+
+def test_a_load_path_from_a_file_drives_the_problem(tmp_path: Path) -> None:
+    file = tmp_path / "path.csv"
+    file.write_text("time,displacement\n0,0\n0.04,0.004\n0.05,0.003\n0.07,0.005\n")
+    problem = find_problem("biaxial", load_path=read_load_path(file))
+    found = run(problem, MODELS["j2"](), solver="implicit", mesh="coarse").check()
+    moved = found["driving_displacement"].values
+    assert {0.0, 0.004, 0.003, 0.005} <= set(np.round(moved, 12))
+    assert moved[-1] == 0.005
+    turning = np.flatnonzero(np.diff(np.sign(np.diff(moved))))
+    assert moved[turning + 1] == pytest.approx([0.004, 0.003])
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("time,displacement\n0,0\n2,1e-3\n1,2e-3\n", r"not monotone in time: entry 2 is at 1 s"),
+        ("time,displacement\n0.5,0\n2,1e-3\n", "begins at 0.5 s"),
+        ("time,displacement\n0,0\n2,0\n", "let it begin at 0 and move"),
+        ("time,displacement\n0,1e-3\n2,2e-3\n", "let it begin at 0 and move"),
+        ("time,velocity\n0,0\n2,1\n", r"has the columns time, velocity; give time \(in s\)"),
+        (
+            "time,displacement\n0,0\n2,\n3,1\n",
+            "line 3: displacement is 'missing', which is no number",
+        ),
+        ("", "has the columns none; give time"),
+        ("time,displacement\n", "has 0 times and 0 values"),
+    ],
+)
+def test_an_impossible_load_path_is_refused(tmp_path: Path, text: str, sentence: str) -> None:
+    file = tmp_path / "path.csv"
+    file.write_text(text)
+    with pytest.raises(ConfigurationError, match=sentence) as refusal:
+        read_load_path(file)
+    assert "path.csv" in str(refusal.value)
