@@ -15,9 +15,8 @@ from granbench.scoring import Score
 from granbench.scoring.embedded import EMBEDDED_METRICS, SPEED, TITLES
 from granbench.scoring.scorecard import ALL
 
-REACTION, VOLUME, REACHED = "reaction_error", "volumetric_strain_error", "reached_share"
+REACTION, REACHED = "reaction_error", "reached_share"
 ERROR_POINTS = "error_point_share"
-IN_PERCENT = (REACTION, VOLUME, REACHED, ERROR_POINTS)
 
 Found = dict[tuple[str, str, str], Score]
 """Scores of the axis by solver, group and metric; empty where it was left out."""
@@ -142,7 +141,8 @@ def _cell(score: Score | None) -> Cell:
         return Cell(Markup("not run"), note="the axis was left out of the evaluation")
     if score.value is None:
         return Cell(Markup("n/a"), note=score.reason or "")
-    text = share(score.value) if score.metric in IN_PERCENT else number(score.value)
+    percent = EMBEDDED_METRICS[score.metric].percent
+    text = share(score.value) if percent else number(score.value)
     if score.metric.endswith(SPEED):
         text += Markup(" ×")
     seeds = ", ".join(f"{value:.3g}" for value in score.by_seed)

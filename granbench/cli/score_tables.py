@@ -161,9 +161,7 @@ def _analyses(run: Sequence["Score"], name: str) -> Iterator[Table | Text]:
         found = {(score.metric, score.group): score for score in scores}
         for metric in EMBEDDED_METRICS.values():
             if (metric.name, "all") in found:
-                percent = metric.error and metric.name != "point_stress_mse"
-                percent = percent or metric.name == "reached_share"
-                cells = (_shown(found[metric.name, group], percent) for group in groups)
+                cells = (_shown(found[metric.name, group], metric.percent) for group in groups)
                 table.add_row(metric.title, *cells)
         yield table
 

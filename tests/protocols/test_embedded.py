@@ -99,6 +99,21 @@ def test_the_reaction_of_the_truth_is_that_of_plane_elasticity(soft) -> None:
     np.testing.assert_allclose(reaction.values, expected, rtol=1e-4)
 
 
+def test_the_time_of_an_analysis_is_that_of_its_fastest_run(monkeypatch) -> None:
+    runs, original = [], module.run
+
+    def counted(*args, **settings):
+        runs.append(args[0].name)
+        return original(*args, **settings)
+
+    monkeypatch.setattr(module, "run", counted)
+    records = task(analyses=(SMOOTH,))
+    found = module.embedded(cell(Elastic(0.8)), records)
+    # Two to warm up, then three each: these take a fraction of a second.
+    assert len(runs) == 2 + len(SOLVERS) * 3
+    assert (found["embedded_cell_seconds"] < found["embedded_seconds"]).all()
+
+
 def test_error_points_are_those_off_by_more_than_half() -> None:
     records = task()
     shares = [
@@ -124,6 +139,13 @@ def test_a_cell_that_breaks_keeps_what_it_reached_and_the_other_analyses() -> No
         assert values(found, solver, "smooth")["error_point_growth"] > 0.0
         timed = found.find(f"embedded-{solver}", "all", "analysis_speed_ratio", "smooth")
         assert timed.status == "not_applicable" and "ended early" in timed.reason
+    # A run that fails counts as the largest ratio; the mean of ratios is geometric.
+    failed, other, mean = (
+        values(found, "explicit", group)["acceleration_ratio"]
+        for group in ("smooth", "rough", "all")
+    )
+    assert failed == 1000.0
+    assert mean == pytest.approx(np.sqrt(failed * other), rel=1e-6)
     reasons = json.loads(predictions.attrs[EMBEDDED_FAILURES])
     assert set(reasons) == {"0/explicit/smooth", "0/implicit/smooth"}
     assert "gives no finite stress at Gauss point" in reasons["0/explicit/smooth"]
