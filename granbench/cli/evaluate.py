@@ -118,7 +118,7 @@ def evaluate(
             parameters=candidate.parameters,
             training_data=training_data or _training_data(candidate, records.attrs),
             licence=licence or (HOUSE_LICENCE if candidate.baseline else "not stated"),
-            command=_command(model, task, axis, model_dir, candidate.cells, keep, out),
+            command=_command(model, task, axis, model_dir, candidate.cells, name, keep, out),
         )
         runs = len(candidate.cells) * progress_parts(axes)
         with evaluation_bar(runs, about.name, quiet or as_json) as advance:
@@ -179,6 +179,7 @@ def _command(
     axes: Sequence[str] | None,
     folders: Sequence[Path] | None,
     seeds: Any,
+    name: str | None,
     keep: str,
     out: Path,
 ) -> str:
@@ -190,6 +191,8 @@ def _command(
     for folder in folders or ():
         words += ["--model-dir", folder.resolve().name]
     words += ["--seeds", ",".join(map(str, seeds))]
+    if name:
+        words += ["--name", name]
     if keep != KEPT[0]:
         words += ["--keep", keep]
     words += ["--out", out.name]

@@ -201,12 +201,12 @@ def test_models_in_folders_are_the_seeds(granbench, task, my_model, tmp_path):
         (tmp_path / f"run{seed}" / "stiffness").write_text(stiffness)
     code, out, _ = granbench(
         "evaluate", "stiff_model:folder_cell", "--task", task, "--axis", "rollout",
-        "--model-dir", "run0", "--model-dir", tmp_path / "run1", "--quiet",
+        "--model-dir", "run0", "--model-dir", tmp_path / "run1", "--name", "two", "--quiet",
     )  # fmt: skip
     assert (code, out) == (0, "")
     submission = read_submission(tmp_path / "submission.json")
     assert submission.seeds == (0, 1)
-    assert "--model-dir run0 --model-dir run1" in submission.command
+    assert "--model-dir run0 --model-dir run1 --seeds 0,1 --name two" in submission.command
     first = next(score for score in submission.scores if score.status == "scored")
     assert first.by_seed[0] != first.by_seed[1]
 
