@@ -198,13 +198,18 @@ def growth(models: list[str], sizes: Sizes) -> list[dict[str, object]]:
 
 IMPLICIT = Biaxial(confinement=0.0, end_strain=0.1)
 
+TANGENT_TEST = Biaxial(confinement=1e5, end_strain=0.05)
+"""Rough, with CSUH, which has no tangent in closed form."""
 
-def implicit_run(cell: ClassicalCell, mesh: PlaneMesh, found: dict) -> Callable[[], float]:
+
+def implicit_run(
+    cell: ClassicalCell, mesh: PlaneMesh, found: dict, problem: Biaxial = IMPLICIT
+) -> Callable[[], float]:
     settings = ImplicitSettings(steps=LOAD_STEPS)
 
     def timed() -> float:
         begin = time.process_time()
-        dataset = run(IMPLICIT, cell, solver=settings, mesh=mesh).check()
+        dataset = run(problem, cell, solver=settings, mesh=mesh).check()
         seconds = time.process_time() - begin
         found["reaction"] = float(dataset["reaction"][-1])
         found["iterations"] = int(dataset["iterations"].sum())
@@ -278,6 +283,30 @@ def implicit(models: list[str], sizes: Sizes) -> dict[str, object]:
     }
 
 
+def tangents(sizes: Sizes) -> dict[str, object]:
+    """CSUH in the medium mesh: Newton with differences, and with automatic differentiation."""
+    mesh = Biaxial().mesh("medium")
+    found: dict[str, dict] = {"differences": {}, "automatic differentiation": {}}
+    works = {}
+    for name, last in found.items():
+        cell = MODELS["csuh"]()
+        cell.cheap_tangent = name != "differences"  # cheap ones are used as they are
+        works[name] = implicit_run(cell, mesh, last, TANGENT_TEST)
+    seconds = interleaved(works, max(1, sizes.repeats - 1))
+    reactions = [last["reaction"] for last in found.values()]
+    return {
+        "gauss_points": build_operators(mesh).point_count,
+        "load_steps": LOAD_STEPS,
+        "cpu_seconds": seconds,
+        "last_load_step": found,
+        "reactions_differ_by": abs(reactions[1] / reactions[0] - 1.0),
+        "ratios": {
+            "csuh_automatic_differentiation_over_differences": seconds["automatic differentiation"]
+            / seconds["differences"]
+        },
+    }
+
+
 def installed(package: str) -> str | None:
     try:
         return version(package)
@@ -296,6 +325,7 @@ def results(models: list[str], sizes: Sizes) -> dict[str, object]:
         "explicit": thesis_mesh(models, sizes),
         "growth": growth(models, sizes),
         "implicit": implicit(elastoplastic, sizes),
+        "tangents": tangents(sizes),
     }
 
 
@@ -321,7 +351,17 @@ def print_tables(found: dict) -> None:
         iterations = str(last.get("iterations", "–"))
         table.add_row(name, f"{seconds:.3g}", f"{last['reaction'] / 1e3:.5g}", iterations)
     console.print(table)
-    for part in (explicit, implicit_):
+    tangents_ = found["tangents"]
+    table = Table("csuh, tangent by", "CPU s", "reaction, kN/m", "iterations")
+    table.title = f"implicit, {tangents_['gauss_points']} Gauss points, {LOAD_STEPS} load steps"
+    for name, seconds in tangents_["cpu_seconds"].items():
+        last = tangents_["last_load_step"][name]
+        table.add_row(
+            name, f"{seconds:.3g}", f"{last['reaction'] / 1e3:.5g}", str(last["iterations"])
+        )
+    console.print(table)
+    console.print(f"these reactions differ by {tangents_['reactions_differ_by']:.1g}")
+    for part in (explicit, implicit_, tangents_):
         for name, ratio in part["ratios"].items():
             console.print(f"{name.replace('_', ' ')}: {ratio:.3g} x")
     rival = found["versions"]["torch-fem"]

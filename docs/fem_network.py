@@ -16,7 +16,7 @@ from granbench.driven_model import ModelChoice
 from granbench.fem import Problem, find_problem, run
 from granbench.leaderboard.board import default_folder
 from granbench.models import MODELS
-from granbench.plotting.style import figure_grid, house_style, model_styles
+from granbench.plotting.style import LINE_STYLES, figure_grid, house_style, model_styles
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,9 @@ def network_part(exhibit: Exhibit, found: Runs) -> str:
             if label == exhibit.truth:
                 continue
             if not analysis.attrs["completed"]:
-                row.append(f"fails at step {analysis.attrs['failed_step']}")
+                row.append(
+                    f"fails after {analysis.sizes['step'] - 1} of {truth.sizes['step'] - 1} steps"
+                )
                 continue
             errors = [
                 _percent(_distance(analysis[name], truth[name]))
@@ -126,19 +128,21 @@ def _distance(series: xr.DataArray, truth: xr.DataArray) -> float:
 
 @house_style
 def network_figure(exhibit: Exhibit, found: Runs) -> Figure:
-    """Reaction against driving strain: the truth as dots, a line for each seed."""
+    """Reaction against driving strain: the truth as dots, a line with dashes of its own a seed."""
     figure, axes = figure_grid(len(exhibit.problems), len(SOLVERS), panel=(3.6, 2.6))
-    style = model_styles([exhibit.network])[exhibit.network]
+    colour = model_styles([exhibit.network])[exhibit.network].colour
+    seeds = [label for label in next(iter(found.values())) if label != exhibit.truth]
+    dashes = dict(zip(seeds, LINE_STYLES, strict=False))
     for axis, ((problem, solver), runs) in zip(axes, found.items(), strict=True):
         for label, analysis in runs.items():
             strain = 100.0 * analysis["driving_strain"].values
             reaction = analysis["reaction"].values / 1e3
             if label == exhibit.truth:
                 axis.plot(strain[::4], reaction[::4], ".", color="0.25", markersize=4, label=label)
-            else:
-                axis.plot(strain, reaction, **style.line(), alpha=0.8)
+                continue
+            named = f"{exhibit.network}, seed {label}"
+            axis.plot(strain, reaction, color=colour, linestyle=dashes[label], label=named)
         axis.set_title(f"{problem}, {solver}", fontsize=9)
         axis.set(xlabel="driving strain [%]", ylabel="reaction [kN/m]")
-    axes[0].plot([], [], **style.line(), label=f"{exhibit.network}, each seed")
     axes[0].legend()
     return figure

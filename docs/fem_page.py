@@ -100,11 +100,11 @@ def _friction_coefficient() -> float:
 LIMITS: Mapping[str, tuple[Callable[[], Problem], str, str, float]] = {
     "smooth footing: $(2+\\pi) k$ over its half (Prandtl)": (
         partial(find_problem, "strip-footing", base="smooth", end_strain=0.012),
-        "j2", "coarse medium", (2.0 + np.pi) * 0.5 * STRENGTH * 0.5,
+        "j2", "coarse medium fine", (2.0 + np.pi) * 0.5 * STRENGTH * 0.5,
     ),
     "rough footing, the same": (
         partial(find_problem, "strip-footing", end_strain=0.012),
-        "j2", "coarse medium", (2.0 + np.pi) * 0.5 * STRENGTH * 0.5,
+        "j2", "coarse medium fine", (2.0 + np.pi) * 0.5 * STRENGTH * 0.5,
     ),
     "smooth wall: $2kH+q_0H$ (Rankine)": (
         partial(find_problem, "retaining-wall", confinement=PRESSURE, end_strain=0.01),
@@ -130,13 +130,13 @@ def limits_part() -> str:
     """Limit loads of the implicit solver over the exact ones."""
     rows = []
     for meaning, (problem, model, meshes, exact) in LIMITS.items():
-        found = []
+        found = dict.fromkeys(("coarse", "medium", "fine"), "–")
         for mesh in meshes.split():
             settings = ImplicitSettings(steps=30)
             dataset = run(problem(), _stiff(model), solver=settings, mesh=mesh).check()
-            found.append(f"{float(dataset['reaction'][-1]) / exact:.3f}")
-        rows.append((meaning, f"`{model}`", f"{exact / 1e3:.4g}", *found))
-    return table(("limit load", "model", "exact, kN/m", "coarse", "medium"), rows)
+            found[mesh] = f"{float(dataset['reaction'][-1]) / exact:.3f}"
+        rows.append((meaning, f"`{model}`", f"{exact / 1e3:.4g}", *found.values()))
+    return table(("limit load", "model", "exact, kN/m", *found), rows)
 
 
 def speeds_part() -> str:

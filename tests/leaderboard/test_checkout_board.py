@@ -1,9 +1,11 @@
-"""Laws that the board of this checkout has to obey, whoever filled it: who beats whom on gp-*."""
+"""Laws that the board of this checkout has to obey, whoever filled it: who beats whom."""
 
 import pytest
 
+from granbench.boundary_values import SOLVERS
 from granbench.leaderboard.board import accepted, default_folder
 from granbench.leaderboard.submission import Submission
+from granbench.scoring import Score
 
 MADE_BY = {
     "gp-j2": "j2-fitted",
@@ -13,6 +15,9 @@ MADE_BY = {
     "gp-csuh": "csuh-fitted",
 }
 """The fitted model that has the form of the truth, where there is one."""
+
+ANALYSED = {"fem-ime": "ime-fitted", "fem-csuh": "csuh-fitted"}
+"""The same of the tasks that state analyses."""
 
 FRAME = ("oracle", "persistence", "linear-elastic", "j2-fitted", "ime-fitted")
 
@@ -25,18 +30,29 @@ def board() -> dict[str, dict[str, Submission]]:
     return by_task
 
 
-def rollout_error(submission: Submission, split: str = "test") -> float:
-    place = ("rollout", split, "all", "stress_mse_mean")
+def score_at(submission: Submission, *place: str) -> Score:
+    """The score of a protocol, split, group and metric."""
     (score,) = [
         score
         for score in submission.scores
         if (score.protocol, score.split, score.group, score.metric) == place
     ]
-    assert score.value is not None
-    return score.value
+    return score
 
 
-@pytest.mark.parametrize("task", MADE_BY)
+def rollout_error(submission: Submission, split: str = "test") -> float:
+    value = score_at(submission, "rollout", split, "all", "stress_mse_mean").value
+    assert value is not None
+    return value
+
+
+def reaction_error(submission: Submission, solver: str) -> float:
+    value = score_at(submission, f"embedded-{solver}", "all", "all", "reaction_error").value
+    assert value is not None
+    return value
+
+
+@pytest.mark.parametrize("task", [*MADE_BY, *ANALYSED])
 def test_ceiling_and_floors_frame_every_task(board, task: str) -> None:
     assert set(FRAME) <= set(board[task])
     errors = {name: rollout_error(row) for name, row in board[task].items()}
@@ -64,7 +80,24 @@ def test_the_form_of_the_truth_is_found_and_no_other_comes_near(board, task: str
     assert min(error for name, error in errors.items() if name != "oracle") > 1e4 * truth
 
 
-@pytest.mark.parametrize("task", MADE_BY)
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("task", ANALYSED)
+def test_in_analyses_too_the_form_of_the_truth_comes_first(board, task: str, solver: str) -> None:
+    errors = {
+        name: reaction_error(row, solver) for name, row in board[task].items() if name != "oracle"
+    }
+    truth = errors.pop(ANALYSED[task])
+    assert truth < 2e-3 and min(errors.values()) > 50.0 * truth
+
+
+@pytest.mark.parametrize("task", ANALYSED)
+def test_the_oracle_has_no_answer_inside_an_analysis(board, task: str) -> None:
+    place = (f"embedded-{SOLVERS[0]}", "all", "all", "reaction_error")
+    score = score_at(board[task]["oracle"], *place)
+    assert score.status == "not_applicable" and "reads its answers" in (score.reason or "")
+
+
+@pytest.mark.parametrize("task", [*MADE_BY, *ANALYSED])
 def test_scores_come_from_runs_on_record(board, task: str) -> None:
     for submission in board[task].values():
         assert submission.badge in ("rescored", "rerun")
