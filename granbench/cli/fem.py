@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from granbench.cli.drive_options import scalars_at_start
+from granbench.cli.options import require_writable
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import AnalysisError, ConfigurationError
 
@@ -145,12 +146,16 @@ def _check_targets(out: Path, vtu: Path | None, plot: Path | None) -> None:
         raise ConfigurationError(f"--out {out}: an analysis is a netCDF file; end its name in .nc")
     if out.is_dir():
         raise ConfigurationError(f"--out {out} is a folder; name a file in it")
-    if vtu is not None and vtu.exists() and not vtu.is_dir():
-        raise ConfigurationError(f"--vtu {vtu} is a file; give a folder for the series")
+    require_writable("--out", out)
+    if vtu is not None:
+        if vtu.exists() and not vtu.is_dir():
+            raise ConfigurationError(f"--vtu {vtu} is a file; give a folder for the series")
+        require_writable("--vtu", vtu / "series.pvd")
     if plot is not None:
         from granbench.plotting.style import figure_format
 
         figure_format(plot)
+        require_writable("--plot", plot)
 
 
 def _settings(

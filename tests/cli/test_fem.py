@@ -37,6 +37,10 @@ class Signals(Hooke):
             signal.raise_signal(self.number)
         return super().forward(dstrain, stress)
 
+class Uncalled(Hooke):
+    def __init__(self):
+        raise AssertionError("made although it cannot be used")
+
 class Terminates(Signals):
     number = signal.SIGTERM
 
@@ -45,6 +49,7 @@ def of(module, order="plane"):
 
 hooke, breaks, signals, terminates = map(of, (Hooke, Breaks, Signals, Terminates))
 solid = of(Hooke, "full")
+uncalled = of(Uncalled)
 """
 
 
@@ -181,6 +186,14 @@ def test_interrupted_run_keeps_its_output_so_far(fem, cell, code):
         (("biaxial", "--cell", "csuh", "--choose", "confinement=0"), ["p0 above zero"]),
         (("biaxial", "--cell", "csuh", "--e0", "3"), ["void ratio of 3.0000", "loosest"]),
         (("biaxial", "--cell", "j2", "--ocr", "3"), ["--ocr is given, but j2 makes no use of it"]),
+        (
+            ("biaxial", "--cell", "j2", "--start", "grading_index=1"),
+            ["--start grading_index is given, but j2 makes no use of it; leave it out"],
+        ),
+        (
+            ("biaxial", "--cell", "j2", "--choose", "ends=smooth", "--choose", "ends=rough"),
+            ["ends is chosen twice; leave one of them out"],
+        ),
         (("biaxial", "--cell", "persistence"), ["has no stiffness at the start", "modulus"]),
     ],
 )  # fmt: skip
@@ -213,6 +226,12 @@ def test_targets_are_refused_before_anything_is_computed(fem, tmp_path):
     refused(fem(*hooke, "--out", "folder.nc"), "is a folder")
     refused(fem(*hooke, "--out", "a.nc", "--vtu", "file"), "--vtu file is a file; give a folder")
     refused(fem(*hooke, "--out", "a.nc", "--plot", "a.gif"), "a.gif", ".png, .pdf or .svg")
+    for option, target in (("--out", "a.nc"), ("--vtu", "series"), ("--plot", "a.png")):
+        words = {"--out": "a.nc", option: f"file/{target}"}
+        result = fem(
+            "biaxial", "--cell", "own:uncalled", *(w for pair in words.items() for w in pair)
+        )
+        refused(result, f"{option} file/{target}", "cannot be written", "choose a folder")
     assert not (tmp_path / "a.nc").exists()
 
 
