@@ -53,10 +53,16 @@ def run(
     Raises
     ------
     ConfigurationError
-        If problem, solver, mesh and cell do not fit each other, or the time step is unstable.
+        If problem, solver, mesh and cell do not fit each other or are none, or the time step is
+        unstable.
     ModelError
         If the cell cannot start so.
     """
+    if not isinstance(cell, MaterialCell):
+        raise ConfigurationError(
+            f"an object of type {type(cell).__name__} is no material; give a MaterialCell, such as "
+            "granbench.models.MODELS['j2']() or a ModuleCell of your network"
+        )
     if isinstance(problem, str):
         problem = find_problem(problem)
     problem = problem.confined_for(cell)

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 import skfem
+from skfem.quadrature import get_quadrature
 
 from granbench.errors import ConfigurationError
 
@@ -64,7 +65,8 @@ class PlaneMesh:
     Raises
     ------
     ConfigurationError
-        If the element is unknown or does not fit the mesh, or one is inverted or degenerate.
+        If the element is unknown or does not fit the mesh, a coordinate is not finite, or an
+        element is inverted or degenerate.
     """
 
     geometry: skfem.Mesh
@@ -81,6 +83,12 @@ class PlaneMesh:
             raise ConfigurationError(
                 f"the mesh has elements of {corners} corners, which cannot be {self.element}; use "
                 f"{' or '.join(fitting) or 'a plane mesh of triangles or quadrilaterals'}"
+            )
+        lost = ~np.isfinite(self.geometry.p).all(axis=0)
+        if lost.any():
+            raise ConfigurationError(
+                f"node {int(lost.argmax())} of the mesh has a coordinate that is not finite; mend "
+                "the mesh"
             )
         self._refuse_inverted()
 
@@ -188,11 +196,9 @@ class PlaneMesh:
 
     def _refuse_inverted(self) -> None:
         """Raise for the worst element that is turned inside out, flat, or folded over another."""
-        with np.errstate(divide="ignore", invalid="ignore"):  # scikit-fem inverts it at once
-            places = np.hstack([self.basis.X, self.geometry.refdom.p])
-            determinant = self.basis.mapping.detDF(places)
+        determinant = self._determinants()
         size = np.abs(determinant).max(axis=1)
-        typical = np.median(size)
+        typical = np.median(size) or size.max() or 1.0
         least = np.where(
             determinant[:, 0] < 0.0, (-determinant).min(axis=1), determinant.min(axis=1)
         )
@@ -203,6 +209,18 @@ class PlaneMesh:
         folds = self._folds()
         if folds.any():
             raise self._inverted(int(folds.argmax()), int((folds > 0).sum()), "folded over another")
+
+    def _determinants(self) -> Floats:
+        """Of the Jacobian at the Gauss points and corners, (element, place); zeros among them."""
+        shape = self.geometry.refdom
+        at_points, _ = get_quadrature(shape, self.kind.integration_order)
+        places = np.hstack([at_points, shape.p])
+        mapping = self.geometry.mapping()
+        if isinstance(mapping, skfem.MappingIsoparametric):  # whose own method raises at a zero
+            (a, b), (c, d) = [[mapping.J(i, j, places) for j in (0, 1)] for i in (0, 1)]
+            return np.asarray(a * d - b * c)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a triangle's is inverted at once
+            return np.asarray(mapping.detDF(places))
 
     def _folds(self) -> np.ndarray:
         """For each element, on how many of its edges the neighbour lies on its own side."""

@@ -160,6 +160,23 @@ def test_element_without_area_is_refused() -> None:
         PlaneMesh.of_arrays(nodes, np.array([[0, 1, 2], [0, 1, 4]]), {})
 
 
+def test_element_with_its_corners_on_a_line_is_refused() -> None:
+    corners = np.array([[0, 1, 2, 3]])
+    line = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0]])
+    with pytest.raises(
+        ConfigurationError, match=r"element 0 .* at \(1.5, 0\), is inverted or flat"
+    ):
+        PlaneMesh.of_arrays(line, corners, {})
+
+
+@pytest.mark.parametrize("element", ["quad8", "tri6"])
+def test_coordinate_that_is_not_finite_is_refused(element: str) -> None:
+    geometry = rectangle(1.0, 1.0, 2, 2, element).geometry
+    geometry.p[1, 3] = np.nan
+    with pytest.raises(ConfigurationError, match="node 3 .* has a coordinate that is not finite"):
+        PlaneMesh(geometry, element)
+
+
 def test_clockwise_numbers_are_no_inversion() -> None:
     mesh = rectangle(0.5, 1.0, 2, 2)
     turned = PlaneMesh.of_arrays(mesh.geometry.p.T, mesh.geometry.t[::-1].T, {})
