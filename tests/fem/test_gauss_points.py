@@ -9,6 +9,7 @@ from torch import Tensor
 from granbench.cell import ModuleCell
 from granbench.errors import ConfigurationError
 from granbench.fem import ExplicitSettings, ImplicitSettings, rectangle, run
+from granbench.fem.cell_failure import CellFailure
 from granbench.fem.gauss_points import GaussPoints, MaterialFailure
 from granbench.models import MODELS
 
@@ -86,7 +87,7 @@ def test_stress_of_another_shape_is_refused() -> None:
 
     cell = ModuleCell(Wide(), name="wide", order="plane", dtype=torch.float64)
     points = GaussPoints(cell, np.zeros((3, 3)), POSITIONS)
-    with pytest.raises(ConfigurationError, match=r"stress of shape \(3, 6\); it must be \(3, 3\)"):
+    with pytest.raises(CellFailure, match=r"stress of shape \(3, 6\); it must be \(3, 3\)"):
         points.step(DSTRAIN, 1)
 
 
