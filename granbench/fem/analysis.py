@@ -17,6 +17,7 @@ from granbench.fem.loading import assemble_loading
 from granbench.fem.mesh import Floats, PlaneMesh
 from granbench.fem.operators import build_operators
 from granbench.fem.problems import Problem, find_problem
+from granbench.fem.remarks import remarks
 from granbench.fem.result import Analysis, Recorder
 from granbench.fem.time_step import ExplicitSettings
 
@@ -47,8 +48,8 @@ def run(
 
     Returns
     -------
-    Analysis; where the material or the solver fails, or Ctrl-C stops the run, with all output so
-    far and the reason in `failure`
+    Analysis; where the material or the solver fails, the cell raises, or Ctrl-C stops the run, with
+    all output so far and the reason in `failure`
 
     Raises
     ------
@@ -100,10 +101,14 @@ def run(
         "settings": asdict(settings),
         "mesh": mesh_name or "given",
         "completed": int(failure is None),
-        "failure": "" if failure is None else str(failure) or "interrupted",
         "failed_step": getattr(failure, "step", -1),
+        "initial_imbalance": points.initial_imbalance,
     }
-    return Analysis(recorder.dataset(attributes), failure)
+    dataset = recorder.dataset(attributes)
+    if isinstance(failure, AnalysisError):
+        failure.args = ("; ".join([str(failure), *remarks(dataset)]),)
+    dataset.attrs["failure"] = "" if failure is None else str(failure) or "interrupted"
+    return Analysis(dataset, failure)
 
 
 def settings_for(problem: Problem, solver: str) -> Settings:

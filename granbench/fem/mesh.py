@@ -194,6 +194,38 @@ class PlaneMesh:
         first, second = np.triu_indices(distance.shape[1], 1)
         return float(distance[:, first, second].min())
 
+    def turned(self, displacement: Floats) -> Floats:
+        """Which elements a displacement turns over at one of their corners, or makes flat there.
+
+        Parameters
+        ----------
+        displacement : (node, direction), m
+
+        Returns
+        -------
+        (element,), whether the Jacobian of its corners has another sign than in the mesh
+        """
+        turns = self._corner_jacobians(self.nodes + displacement) * self._jacobians_at_rest
+        return np.asarray((turns <= 0.0).any(axis=1))
+
+    @cached_property
+    def _corners(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Each element's corners, those before and those after them, (element, corner)."""
+        corners = self.element_nodes[:, : self.kind.corners]
+        return corners, np.roll(corners, 1, axis=1), np.roll(corners, -1, axis=1)
+
+    @cached_property
+    def _jacobians_at_rest(self) -> Floats:
+        return self._corner_jacobians(self.nodes)
+
+    def _corner_jacobians(self, nodes: Floats) -> Floats:
+        """Cross products of the two edges that meet at each corner, (element, corner), m2."""
+        here, before, after = self._corners
+        x, y = np.ascontiguousarray(nodes.T)
+        came_x, came_y = x[here] - x[before], y[here] - y[before]
+        goes_x, goes_y = x[after] - x[here], y[after] - y[here]
+        return np.asarray(came_x * goes_y - came_y * goes_x)
+
     def _refuse_inverted(self) -> None:
         """Raise for the worst element that is turned inside out, flat, or folded over another."""
         determinant = self._determinants()

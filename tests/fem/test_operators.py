@@ -183,6 +183,25 @@ def test_clockwise_numbers_are_no_inversion() -> None:
     assert build_operators(turned).volumes.sum() == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize("element", ["quad8", "quad4", "tri3", "tri6"])
+def test_elements_turn_over_where_a_corner_passes_its_neighbours(element: str) -> None:
+    mesh = rectangle(1.0, 1.0, 2, 2, element)
+    moved = np.zeros_like(mesh.nodes)
+    centre = mesh.node_at(0.5, 0.5)
+    around = (mesh.element_nodes[:, : mesh.kind.corners] == centre).any(axis=1)
+    assert not mesh.turned(moved).any()
+    moved[centre] = (0.3, 0.0)
+    assert not mesh.turned(moved).any()
+    moved[centre] = (0.6, 0.0)  # beyond the right edge
+    turned = mesh.turned(moved)
+    assert turned.any() and not turned[~around].any()
+    angle = 2.0  # a rotation turns nothing over, and no more does a rigid motion
+    rotation = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+    assert not mesh.turned(mesh.nodes @ rotation - mesh.nodes + 3.0).any()
+    mirrored = -2.0 * mesh.nodes * (1.0, 0.0)
+    assert mesh.turned(mirrored).all()
+
+
 def test_element_that_does_not_fit_the_mesh_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="4 corners, which cannot be tri6; use quad8 or"):
         PlaneMesh(skfem.MeshQuad(), "tri6")
