@@ -157,7 +157,7 @@ def _check_targets(out: Path, vtu: Path | None, plot: Path | None) -> None:
     if vtu is not None:
         if vtu.exists() and not vtu.is_dir():
             raise ConfigurationError(f"--vtu {vtu} is a file; give a folder for the series")
-        require_writable("--vtu", vtu / "series.pvd")
+        require_writable("--vtu", vtu / "series" if vtu.exists() else vtu)
     if plot is not None:
         from granbench.plotting.style import figure_format
 

@@ -36,12 +36,15 @@ def _imbalance(dataset: xr.Dataset) -> str | None:
         return None
     model = dataset.attrs["cell"]
     if math.isinf(share):
-        return f"{model} gives no finite stress at the start, where nothing is strained"
+        return (
+            f"{model} gives no finite stress at the start, where nothing is strained; choose "
+            "another start or another model"
+        )
     imposed = float(np.abs(dataset["stress"].values[0]).max()) or UNSTRESSED
     return (
         f"the analysis starts out of balance: unstrained, {model} gives a stress that is off the "
-        f"imposed one by up to {100.0 * share:.3g} % of {imposed / 1e3:.4g} kPa; choose the "
-        "confinement that it was made for"
+        f"imposed one by up to {100.0 * share:.3g} % of {imposed / 1e3:.4g} kPa; start it at a "
+        "pressure that it knows, as by the choice of `confinement`"
     )
 
 

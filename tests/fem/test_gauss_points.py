@@ -206,7 +206,7 @@ def test_imbalance_at_the_start_is_measured_and_said(
     said = remarks(found)
     assert len(said) == (imbalance > 0.01)
     if said:
-        share = f"{100.0 * imbalance:.3g} % of 100 kPa; choose the confinement"
+        share = f"{100.0 * imbalance:.3g} % of 100 kPa; start it at a pressure that it knows"
         assert "offset gives a stress that is off the imposed one" in said[0] and share in said[0]
 
 
