@@ -105,13 +105,21 @@ def find_candidate(
             raise ConfigurationError(f"{model} needs no training; leave out --model-dir")
         return _closed_form(model, records, seeds)
     if not folders and Path(model).exists():
-        raise ModelError(
-            f"{Path(model)}: holds no {DESCRIPTION_FILE}; give the folder that `granbench train` "
-            "wrote"
-        )
+        raise ModelError(_no_model_in(Path(model)))
     if not folders and model not in baseline_names():
         raise ModelError(unknown_model(model))
     return registered_candidate(model, records, folders=folders, seeds=seeds)
+
+
+def _no_model_in(path: Path) -> str:
+    """What to say of a file or folder that is no model: its own folders that are, if any."""
+    within = sorted(file.parent for file in path.glob(f"*/{DESCRIPTION_FILE}"))
+    if within:
+        return (
+            f"{path}: holds no {DESCRIPTION_FILE}, but its folders "
+            f"{', '.join(folder.name for folder in within)} do; give one of them, as {within[0]}"
+        )
+    return f"{path}: holds no {DESCRIPTION_FILE}; give the folder that `granbench train` wrote"
 
 
 def unknown_model(name: str) -> str:

@@ -184,8 +184,8 @@ class Start:
         for name in self.scalars:
             if name not in given.scalars.read:
                 raise ConfigurationError(
-                    f"{_option(name).rstrip()} is given, but {cell.name} makes no use of it; leave "
-                    "it out"
+                    f"{_option(name).rstrip(' =')} is given, but {cell.name} makes no use of it; "
+                    "leave it out"
                 )
         return state
 

@@ -75,6 +75,16 @@ def test_folder_goes_before_a_baseline_of_its_name(
         find_candidate("oracle", records)
 
 
+def test_folder_of_several_seeds_names_those_that_can_be_given(
+    records: xr.Dataset, tmp_path: Path
+) -> None:
+    for seed in (1, 0):
+        trained_model(tmp_path / f"{seed}", seed=seed)
+    (tmp_path / "notes").mkdir()
+    with pytest.raises(ModelError, match=r"but its folders 0, 1 do; give one of them, as .*/0$"):
+        find_candidate(str(tmp_path), records)
+
+
 def test_folders_are_for_what_is_trained(records: xr.Dataset, tmp_path: Path) -> None:
     folder = trained_model(tmp_path / "run", seed=0)
     with pytest.raises(ConfigurationError, match="needs no training; leave out --model-dir"):

@@ -14,11 +14,10 @@ import typer
 
 from granbench import __version__
 from granbench.cli import data, drive, evaluate, fem, fit, generate, leaderboard, submission, train
+from granbench.cli.termination import INTERRUPTED
 from granbench.errors import GranbenchError
 
 USER_ERROR = 2
-INTERRUPTED = 130
-"""Exit code of a command that Ctrl-C ended, as shells have it (128 + SIGINT)."""
 
 app = typer.Typer(
     name="granbench",

@@ -1,6 +1,7 @@
 """`granbench fem`: a boundary-value problem with any model at its Gauss points."""
 
 import json
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -12,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from granbench.cli.drive_options import scalars_at_start
+from granbench.cli.options import require_writable
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import AnalysisError, ConfigurationError
 
@@ -122,21 +124,27 @@ def fem(
 
     from granbench.driven_model import ModelChoice
     from granbench.fem import run
+    from granbench.fem.remarks import remarks
 
     # Threads that wait for each other cost more than they do, at some hundred points.
     torch.set_num_threads(1)
     made = ModelChoice(cell, parameter_set, params, task).cell("plane")
     scalars = scalars_at_start(e0, ocr, start)
     _refuse_unused(scalars, made, chosen)
-    with stopped_by_sigterm(), _bar(made.name, quiet or as_json) as advance:
-        analysis = run(chosen, made, solver=settings, mesh=mesh, scalars=scalars, on_step=advance)
+    with stopped_by_sigterm("to begin anew"):
+        with _bar(made.name, quiet or as_json) as advance:
+            analysis = run(
+                chosen, made, solver=settings, mesh=mesh, scalars=scalars, on_step=advance
+            )
         analysis.write(out)
+        series = _write_pictures(analysis, vtu, plot)
         _end(analysis, out)
-    series = _write_pictures(analysis, vtu, plot)
     if as_json:
         typer.echo(json.dumps(_summary(analysis, out, series, plot), indent=2))
     elif not quiet:
         typer.echo(_sentence(analysis, out))
+        for remark in remarks(analysis.dataset):
+            typer.echo(f"note: {remark}")
 
 
 def _check_targets(out: Path, vtu: Path | None, plot: Path | None) -> None:
@@ -145,12 +153,16 @@ def _check_targets(out: Path, vtu: Path | None, plot: Path | None) -> None:
         raise ConfigurationError(f"--out {out}: an analysis is a netCDF file; end its name in .nc")
     if out.is_dir():
         raise ConfigurationError(f"--out {out} is a folder; name a file in it")
-    if vtu is not None and vtu.exists() and not vtu.is_dir():
-        raise ConfigurationError(f"--vtu {vtu} is a file; give a folder for the series")
+    require_writable("--out", out)
+    if vtu is not None:
+        if vtu.exists() and not vtu.is_dir():
+            raise ConfigurationError(f"--vtu {vtu} is a file; give a folder for the series")
+        require_writable("--vtu", vtu / "series" if vtu.exists() else vtu)
     if plot is not None:
         from granbench.plotting.style import figure_format
 
         figure_format(plot)
+        require_writable("--plot", plot)
 
 
 def _settings(
@@ -188,17 +200,30 @@ def _end(analysis: "Analysis", out: Path) -> None:
     reason = analysis.failure
     if reason is None:
         return
-    sizes = analysis.dataset.sizes
-    last = f"the output up to driving strain {float(analysis.dataset['driving_strain'][-1]):.4g}"
-    kept = f"{out} holds {last} ({sizes['step']} steps)"
+    reached = _output_steps(analysis)
+    kept = f"{out} holds the start alone"
+    if reached > 0:
+        last = float(analysis.dataset["driving_strain"][-1])
+        kept = f"{out} holds the output up to driving strain {last:.4g} ({reached + 1} steps)"
     if isinstance(reason, AnalysisError):
         raise AnalysisError(f"{reason}; {kept}") from reason
     typer.echo(kept, err=True)
     raise reason
 
 
+def _output_steps(analysis: "Analysis") -> int:
+    """How many output steps were reached after the first."""
+    return max(0, analysis.dataset.sizes.get("step", 0) - 1)
+
+
 def _write_pictures(analysis: "Analysis", vtu: Path | None, plot: Path | None) -> Path | None:
+    """The series and the picture that are asked for, of a run that ended early as well.
+
+    One that has nothing but its start leaves none.
+    """
     index = None
+    if _output_steps(analysis) == 0:
+        return index
     if vtu is not None:
         from granbench.plotting.paraview import write_series
 
@@ -215,7 +240,10 @@ def _summary(
     analysis: "Analysis", out: Path, series: Path | None, plot: Path | None
 ) -> dict[str, object]:
     """What a program wants to know."""
+    from granbench.fem.remarks import first_turned_step, remarks
+
     found = analysis.dataset
+    imbalance = float(found.attrs["initial_imbalance"])
     attributes = found.attrs
     last = found.isel(step=-1)
     summary: dict[str, object] = {
@@ -224,12 +252,16 @@ def _summary(
         "settings": json.loads(attributes["settings"]),
         "gauss_points": found.sizes["point"],
         "nodes": found.sizes["node"],
-        "output_steps": found.sizes["step"] - 1,
+        "output_steps": _output_steps(analysis),
         "driving_strain": float(last["driving_strain"]),
         "reaction": float(last["reaction"]),
         "largest_reaction": float(found["reaction"].max()),
         "volumetric_strain": float(last["volumetric_strain"]),
         "energy_error": float(abs(found["energy_error"]).max()),
+        "initial_imbalance": imbalance if math.isfinite(imbalance) else None,
+        "first_turned_step": first_turned_step(found),
+        "turned_elements": int(found["turned_elements"].max()),
+        "warnings": remarks(found),
         "cell_seconds": float(last["cell_seconds"]),
         "solver_seconds": float(last["solver_seconds"]),
     }

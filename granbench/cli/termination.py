@@ -7,8 +7,9 @@ from typing import NoReturn
 
 import typer
 
+INTERRUPTED = 128 + signal.SIGINT
 TERMINATED = 128 + signal.SIGTERM
-"""Exit code of a command that SIGTERM ended, as shells have it."""
+"""Exit codes of a command that Ctrl-C or SIGTERM ended, as shells have them."""
 
 
 class _Terminated(KeyboardInterrupt):
@@ -17,7 +18,7 @@ class _Terminated(KeyboardInterrupt):
 
 @contextmanager
 def stopped_by_sigterm(again: str = "to continue") -> Iterator[None]:
-    """Let SIGTERM unwind the block as Ctrl-C would, and say how to continue.
+    """Let SIGTERM unwind the block as Ctrl-C does, and say of both how to continue.
 
     Parameters
     ----------
@@ -27,6 +28,8 @@ def stopped_by_sigterm(again: str = "to continue") -> Iterator[None]:
     ------
     typer.Exit
         With the code `TERMINATED`, when SIGTERM came.
+    SystemExit
+        With the code `INTERRUPTED`, after Ctrl-C.
     """
     before = signal.signal(signal.SIGTERM, _stop)
     try:
@@ -34,6 +37,10 @@ def stopped_by_sigterm(again: str = "to continue") -> Iterator[None]:
     except _Terminated:
         typer.echo(f"terminated; run the same command again {again}", err=True)
         raise typer.Exit(TERMINATED) from None
+    except KeyboardInterrupt:
+        # Not typer's exit, of which the application would say that the command continues.
+        typer.echo(f"interrupted; run the same command again {again}", err=True)
+        raise SystemExit(INTERRUPTED) from None
     finally:
         signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
 

@@ -17,6 +17,7 @@ from granbench.fem.loading import assemble_loading
 from granbench.fem.mesh import Floats, PlaneMesh
 from granbench.fem.operators import build_operators
 from granbench.fem.problems import Problem, find_problem
+from granbench.fem.remarks import remarks
 from granbench.fem.result import Analysis, Recorder
 from granbench.fem.time_step import ExplicitSettings
 
@@ -47,16 +48,22 @@ def run(
 
     Returns
     -------
-    Analysis; where the material or the solver fails, or Ctrl-C stops the run, with all output so
-    far and the reason in `failure`
+    Analysis; where the material or the solver fails, the cell raises, or Ctrl-C stops the run, with
+    all output so far and the reason in `failure`
 
     Raises
     ------
     ConfigurationError
-        If problem, solver, mesh and cell do not fit each other, or the time step is unstable.
+        If problem, solver, mesh and cell do not fit each other or are none, or the time step is
+        unstable.
     ModelError
         If the cell cannot start so.
     """
+    if not isinstance(cell, MaterialCell):
+        raise ConfigurationError(
+            f"an object of type {type(cell).__name__} is no material; give a MaterialCell, such as "
+            "granbench.models.MODELS['j2']() or a ModuleCell of your network"
+        )
     if isinstance(problem, str):
         problem = find_problem(problem)
     problem = problem.confined_for(cell)
@@ -94,10 +101,14 @@ def run(
         "settings": asdict(settings),
         "mesh": mesh_name or "given",
         "completed": int(failure is None),
-        "failure": "" if failure is None else str(failure) or "interrupted",
         "failed_step": getattr(failure, "step", -1),
+        "initial_imbalance": points.initial_imbalance,
     }
-    return Analysis(recorder.dataset(attributes), failure)
+    dataset = recorder.dataset(attributes)
+    if isinstance(failure, AnalysisError):
+        failure.args = ("; ".join([str(failure), *remarks(dataset)]),)
+    dataset.attrs["failure"] = "" if failure is None else str(failure) or "interrupted"
+    return Analysis(dataset, failure)
 
 
 def settings_for(problem: Problem, solver: str) -> Settings:

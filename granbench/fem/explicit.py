@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -57,12 +58,14 @@ def solve_explicit(
         If the material fails, or becomes so stiff that the time step is unstable.
     """
     begin = time.perf_counter()
+    motion = _Motion(operators, loading, points, settings)
+    motion.record(recorder, time.perf_counter() - begin)
+    points.ask_at_rest()
     step = choose_time_step(operators, points, settings)
     end = loading.loading.drive.end
     per_output = max(1, math.ceil(end / step.chosen / settings.outputs - 1e-9))
-    motion = _Motion(operators, loading, points, settings, end / (per_output * settings.outputs))
-    motion.record(recorder, time.perf_counter() - begin)
     total = per_output * settings.outputs
+    motion.set_time_step(end / total)
     for output in range(1, settings.outputs + 1):
         # Nothing asks for a gradient from here on, and torch then keeps no account of its calls.
         with torch.inference_mode():
@@ -73,8 +76,49 @@ def solve_explicit(
             on_step(output * per_output, total)
 
 
+@dataclass(frozen=True)
+class _Interval:
+    """The loading from one output step to the next, by time step.
+
+    Parameters
+    ----------
+    end : time, s
+    moves : of the drive, m
+    forces : (step + 1, force), values of the forces from the first instant to the last, Pa
+    changing : whether a force changes
+    """
+
+    end: float
+    moves: list[float]
+    forces: Floats
+    changing: list[bool]
+
+    @classmethod
+    def between(cls, loading: AssembledLoading, times: Floats) -> _Interval:
+        """The loading between instants, s."""
+        moves = np.diff(loading.loading.drive.at(times))
+        # Moves that differ by their rounding only are equal: nothing is to be pushed by it.
+        mean = moves.mean()
+        if np.ptp(moves) <= EVEN * abs(mean):
+            moves = np.full_like(moves, mean)
+        forces = loading.force_values(times)
+        changing = (np.diff(forces, axis=0) != 0.0).any(axis=1)
+        return cls(float(times[-1]), moves.tolist(), forces, changing.tolist())
+
+
 class _Motion:
-    """A body in motion at t(n), with its velocity at t(n-1/2) as displacement in a time step."""
+    """A body in motion at t(n), at rest until `advance`.
+
+    Velocities are displacements in a time step, all (2 node,), m::
+
+        w  = dt (v - v_d) at t(n-1/2)     `relative`
+        du = dt v         at t(n-1/2)     `increment`
+        dt v_d                            `driven`
+
+    so that the equations of the module read, with w+ at t(n+1/2),
+
+        m (w+ - w) = dt^2 (P - I) - alpha dt m (w+ + w)/2,   du+ = w+ + dt v_d,   u+ = u + du+
+    """
 
     def __init__(
         self,
@@ -82,15 +126,10 @@ class _Motion:
         loading: AssembledLoading,
         points: GaussPoints,
         settings: ExplicitSettings,
-        dt: float,
     ) -> None:
-        self.operators, self.loading, self.points, self.dt = operators, loading, points, dt
+        self.operators, self.loading, self.points = operators, loading, points
         self.rate = settings.damping_rate
         self.mass = operators.lumped_mass(settings.density)
-        # m (w+ - w-) = dt^2 (P - I) - alpha dt m (w+ + w-)/2 for w = dt (v - v_d).
-        half = 0.5 * self.rate * dt
-        self.gain = np.where(loading.fixed, 0.0, dt * dt / (self.mass * (1.0 + half)))
-        self.loss = -2.0 * half / (1.0 + half)
         self.time = self.largest_acceleration = self.stiffness = 0.0
         self.displacement = np.zeros_like(self.mass)
         self.relative = np.zeros_like(self.mass)
@@ -101,35 +140,50 @@ class _Motion:
         self.reaction = loading.reaction(self.internal, self.external)
         self.internal_work = self.external_work = self.damping_work = 0.0
 
+    def set_time_step(self, dt: float) -> None:
+        """Solve the equation of motion for w+ - w = gain (P - I) + loss w."""
+        half = 0.5 * self.rate * dt
+        self.dt = dt
+        self.gain = np.where(self.loading.fixed, 0.0, dt * dt / (self.mass * (1.0 + half)))
+        self.loss = -2.0 * half / (1.0 + half)
+
     def advance(self, begin: int, end: int) -> None:
-        """From step `begin` to step `end`."""
-        points, loading = self.points, self.loading
+        """From step `begin` to step `end`.
+
+        Works are added up by the trapezoidal rule, twice over.
+        """
+        interval = _Interval.between(self.loading, self.dt * np.arange(begin, end + 1))
         # Local names, and results into arrays that are there: the loop runs thousands of times
         # over a few hundred numbers, where a call costs more than what it does.
+        points, loading, unit = self.points, self.loading, self.loading.unit
         strain_of, force_of = product(self.operators.strain), product(self.operators.force)
-        gain, loss, mass, unit = self.gain, self.loss, self.mass, loading.unit
-        relative, displacement, nodes = self.relative, self.displacement, len(mass) // 2
+        multiply, add, subtract = np.multiply, np.add, np.subtract
+        mass, gain, loss = self.mass, self.gain, self.loss
         damping_mass = (self.rate / self.dt) * mass
-        times = self.dt * np.arange(begin, end + 1)
-        moves = _evened(np.diff(loading.loading.drive.at(times)))
-        force_values = loading.force_values(times)
-        changing = (np.diff(force_values, axis=0) != 0.0).any(axis=1).tolist()
-        external, internal, du = self.external, self.internal, self.increment
-        reaction, opposed = self.reaction, float(unit @ external)
-        change, mean, squares = (np.empty_like(mass) for _ in range(3))
-        squares_x, squares_y, largest = squares[:nodes], squares[nodes:], np.zeros(nodes)
-        multiply, add, subtract, moved = np.multiply, np.add, np.subtract, math.nan
+        relative, displacement, du = self.relative, self.displacement, self.increment
+        external, internal, reaction = self.external, self.internal, self.reaction
+        opposed, moved = float(unit @ external), math.nan
+        change, scratch, drag = (np.empty_like(mass) for _ in range(3))
+        scratch_x, scratch_y = np.split(scratch, 2)
+        largest = np.zeros_like(scratch_x)
         internal_work = damping_work = external_work = 0.0
-        for local, move in enumerate(moves.tolist()):
-            before = du
+        for local, move in enumerate(interval.moves):
+            # w+ - w = gain (P - I) + loss w
             subtract(external, internal, change)
             multiply(change, gain, change)
-            multiply(relative, loss, mean)
-            add(change, mean, change)
-            multiply(change, 0.5, mean)
-            add(mean, relative, mean)
-            multiply(mean, damping_mass, mean)
+            multiply(relative, loss, scratch)
+            add(change, scratch, change)
+            # the largest |w+ - w|^2, of which the acceleration follows
+            multiply(change, change, scratch)
+            add(scratch_x, scratch_y, scratch_x)
+            np.maximum(largest, scratch_x, out=largest)
+            # damping force alpha m (w + w+)/2 / dt
+            multiply(change, 0.5, drag)
+            add(drag, relative, drag)
+            multiply(drag, damping_mass, drag)
+            # w+, du+ = w+ + dt v_d, u+ = u + du+; a jump of v_d is an impulse m (v_d+ - v_d)
             add(relative, change, relative)
+            before = du
             if move == moved:
                 du = relative + self.driven
             else:
@@ -137,29 +191,28 @@ class _Motion:
                 jump, self.driven, moved = driven - self.driven, driven, move
                 du = relative + driven
                 external_work += float((mass * jump) @ (before + du)) / self.dt**2
-            damping_work += mean @ before + mean @ du
             add(displacement, du, displacement)
-            multiply(change, change, squares)
-            add(squares_x, squares_y, squares_x)
-            np.maximum(largest, squares_x, out=largest)
+            # I+ = B^T W sigma(B du+)
             stress = points.step(strain_of(du), begin + local + 1)
             points.accept()
             previous, internal = internal, force_of(stress)
+            # P+, the reaction d(t) . (I+ - P+), and what damping, stresses, loads and drive do
+            damping_work += drag @ before + drag @ du
             internal_work += previous @ du + internal @ du
             work = external @ du
             external_work += work
-            if changing[local]:
-                external = loading.external_force(force_values[local + 1])
+            if interval.changing[local]:
+                external = loading.external_force(interval.forces[local + 1])
                 opposed, work = float(unit @ external), external @ du
             later = float(unit @ internal) - opposed
             external_work += work + (reaction + later) * move
             reaction = later
-        self.internal_work += 0.5 * float(internal_work)
         self.damping_work += 0.5 * float(damping_work)
+        self.internal_work += 0.5 * float(internal_work)
         self.external_work += 0.5 * float(external_work)
         self.stiffness = float((internal - previous) @ du) / float((mass * du) @ du)
         self.external, self.internal, self.increment = external, internal, du
-        self.reaction, self.time = reaction, float(times[-1])
+        self.reaction, self.time = reaction, interval.end
         self.largest_acceleration = math.sqrt(largest.max()) / self.dt**2
 
     def check_stability(self, step: int) -> None:
@@ -174,13 +227,19 @@ class _Motion:
                 "now stiffer than at the start; give a lower safety factor or time step"
             )
 
-    def record(self, recorder: Recorder, seconds: float) -> None:
-        """Hand the present output step on."""
+    def _kinetic_energy_and_damping(self) -> tuple[float, float]:
+        """Energy m v(n-1/2) v(n+1/2)/2 and the work of damping up to t(n), J/m."""
+        if self.time == 0.0:
+            return 0.0, 0.0
         change = self.gain * (self.external - self.internal) + self.loss * self.relative
         mean = self.relative + 0.5 * change
         velocity = self.mass * self.increment / self.dt**2
         kinetic = 0.5 * float(velocity @ (self.increment + change))
-        damping = self.damping_work + 0.5 * self.rate * self.dt * float(velocity @ mean)
+        return kinetic, self.damping_work + 0.5 * self.rate * self.dt * float(velocity @ mean)
+
+    def record(self, recorder: Recorder, seconds: float) -> None:
+        """Hand the present output step on."""
+        kinetic, damping = self._kinetic_energy_and_damping()
         parts = (kinetic, self.internal_work, damping, self.external_work)
         missing = sum(parts[:3]) - parts[3]
         recorder.add(
@@ -197,9 +256,3 @@ class _Motion:
             cell_seconds=self.points.seconds,
             solver_seconds=seconds - self.points.seconds,
         )
-
-
-def _evened(moves: Floats) -> Floats:
-    """Equal moves where they differ by their rounding only, so that nothing is pushed by it."""
-    mean = moves.mean()
-    return np.full_like(moves, mean) if np.ptp(moves) <= EVEN * abs(mean) else moves

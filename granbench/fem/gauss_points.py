@@ -8,16 +8,32 @@ from collections.abc import Mapping
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from granbench.cell import Conditions, MaterialCell
 from granbench.difference_tangent import with_cheap_tangent
-from granbench.errors import AnalysisError, ConfigurationError
+from granbench.errors import (
+    AnalysisError,
+    ConfigurationError,
+    GranbenchError,
+    ModelError,
+    where_it_fell,
+)
+from granbench.fem.cell_failure import CellFailure, misanswered, raised
 from granbench.fem.mesh import Floats
 from granbench.stress_control import FLOATING_FAILURES, Answer, surviving
 from granbench.tensors import COMPONENT_ORDERS
 
 ORDER = "plane"
 COMPONENTS = len(COMPONENT_ORDERS[ORDER])
+
+
+FLOATS = (torch.float64, torch.float32, torch.float16)
+"""Types that a stress may have; NumPy knows them too."""
+
+UNSTRESSED = 1e5
+"""Pa; what an imbalance at the start is measured by where no stress is imposed: the confinement of
+the thesis."""
 
 
 class MaterialFailure(AnalysisError):
@@ -27,7 +43,7 @@ class MaterialFailure(AnalysisError):
     ----------
     point : number of the Gauss point
     position : (x, y), m
-    step : of the analysis
+    step : of the analysis; 0 before anything is strained
     strain : (component,), total strain there after the increment, compression positive
     count : at how many points it happened
     """
@@ -39,11 +55,15 @@ class MaterialFailure(AnalysisError):
         self.position, self.strain = tuple(map(float, position)), tuple(map(float, strain))
         values = ", ".join(f"{value:.4g}" for value in self.strain)
         others = f" and at {count - 1} more points" if count > 1 else ""
+        circumstances = (
+            f"in step {step}, where the strain ({', '.join(COMPONENT_ORDERS[ORDER])}) is "
+            f"({values}); take smaller steps, end the loading before, or use another model"
+            if step > 0
+            else "before anything is strained; choose another start or another model"
+        )
         super().__init__(
             f"{model} gives no finite stress at Gauss point {point}, at "
-            f"({self.position[0]:.4g}, {self.position[1]:.4g}) m{others}, in step {step}, where "
-            f"the strain ({', '.join(COMPONENT_ORDERS[ORDER])}) is ({values}); take smaller steps, "
-            "end the loading before, or use another model"
+            f"({self.position[0]:.4g}, {self.position[1]:.4g}) m{others}, {circumstances}"
         )
 
 
@@ -65,6 +85,7 @@ class GaussPoints:
     strain : (3 point,), total strain of the state that is kept
     stress : (3 point,), Pa, of the state that is kept
     seconds : spent in the cell, wall-clock
+    initial_imbalance : see `ask_at_rest`; 0 before
 
     Raises
     ------
@@ -91,7 +112,7 @@ class GaussPoints:
         # Newton's method needs a direction; what it arrives at does not depend on the tangent.
         self._linearised = with_cheap_tangent(cell)
         self.count = len(positions)
-        self.seconds = 0.0
+        self.seconds = self.initial_imbalance = 0.0
         self._like = cell.dtype == torch.float64
         self._type = torch.empty(0, dtype=cell.dtype).numpy().dtype
         self._shape = (self.count, COMPONENTS)
@@ -102,8 +123,20 @@ class GaussPoints:
                 for name, value in (scalars or {}).items()
             },
         )
-        with torch.no_grad():
-            state = cell.initial_state(conditions)
+        try:
+            with torch.no_grad():
+                state = cell.initial_state(conditions)
+        except GranbenchError:
+            raise
+        except Exception as error:
+            raise ModelError(
+                f"{cell.name} failed to make its first state {where_it_fell(error)}; mend the model"
+            ) from error
+        if not isinstance(state, Tensor):
+            raise ModelError(
+                f"{cell.name} begins with a state that is no tensor but a {type(state).__name__}; "
+                "mend the model"
+            )
         # Component-major: each component is contiguous over the points.
         self.state = state.detach().T.contiguous().T
         self.stress = np.array(stress, dtype=float).ravel()
@@ -119,17 +152,41 @@ class GaussPoints:
         ------
         MaterialFailure
             If the stress of some point is not finite; `step` is named in it.
+        CellFailure
+            If the cell raises, or answers with anything but a stress of the shape of the strain
+            and a state.
         """
         begin = time.perf_counter()
-        stress, state, *_ = self._ask(self.cell.step, dstrain)
+        stress, state, *_ = self._ask(self.cell.step, dstrain, step)
         return self._tried(stress, state, dstrain, step, begin)
 
     def tangent(self, dstrain: Floats, step: int) -> tuple[Floats, Floats]:
         """As `step`, with a tangent (point, 3, 3), Pa, see `granbench.difference_tangent`."""
         begin = time.perf_counter()
-        stress, state, tangent = self._ask(self._linearised.tangent, dstrain)
-        matrix = tangent.detach().double().numpy()
-        return self._tried(stress, state, dstrain, step, begin), matrix
+        try:
+            stress, state, tangent = self._ask(self._linearised.tangent, dstrain, step, 3)
+        except CellFailure:
+            self.step(dstrain, step)  # what is wrong is said best where the step itself shows it
+            raise
+        values = self._tried(stress, state, dstrain, step, begin)
+        return values, tangent.detach().double().numpy()
+
+    def ask_at_rest(self) -> None:
+        """Find the imbalance at the start: what no strain changes in the imposed stress.
+
+        It is the largest change of a component at any point over the largest stress imposed
+        anywhere, or over `UNSTRESSED` where none is; infinite where the cell then has no stress.
+        Nothing that is kept changes.
+        """
+        before = self._trial
+        try:
+            change = self.step(np.zeros_like(self.strain), 0) - self.stress
+        except MaterialFailure:
+            self.initial_imbalance = math.inf
+        else:
+            imposed = float(np.abs(self.stress).max()) or UNSTRESSED
+            self.initial_imbalance = float(np.abs(change).max()) / imposed
+        self._trial = before
 
     def accept(self) -> None:
         """Keep the state of the last `step` or `tangent`."""
@@ -143,15 +200,27 @@ class GaussPoints:
             for name in self.cell.internals
         }
 
-    def _ask(self, answer: Answer, dstrain: Floats) -> tuple[torch.Tensor, ...]:
+    def _ask(
+        self, answer: Answer, dstrain: Floats, step: int, parts: int = 2
+    ) -> tuple[Tensor, ...]:
         rows = dstrain.reshape(COMPONENTS, -1).T
         increment = torch.from_numpy(rows if self._like else rows.astype(self._type))
-        if torch.is_grad_enabled():
-            with torch.no_grad():
-                return self._answer(answer, increment)
-        return self._answer(answer, increment)
+        try:
+            if torch.is_grad_enabled():
+                with torch.no_grad():
+                    found = self._answer(answer, increment)
+            else:
+                found = self._answer(answer, increment)
+        except AnalysisError:
+            raise
+        except Exception as error:  # a stranger's code: an analysis keeps what it computed before
+            raise raised(self.cell.name, error, step) from error
+        whole = isinstance(found, tuple) and len(found) >= parts
+        if not (whole and isinstance(found[0], Tensor) and isinstance(found[1], Tensor)):
+            raise misanswered(self.cell.name, found, step)
+        return found
 
-    def _answer(self, answer: Answer, increment: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    def _answer(self, answer: Answer, increment: Tensor) -> tuple[Tensor, ...]:
         try:
             return answer(increment, self.state)
         except FLOATING_FAILURES:
@@ -159,18 +228,25 @@ class GaussPoints:
 
     def _tried(
         self,
-        stress: torch.Tensor,
-        state: torch.Tensor,
+        stress: Tensor,
+        state: Tensor,
         dstrain: Floats,
         step: int,
         begin: float,
     ) -> Floats:
+        if stress.dtype not in FLOATS:
+            raise CellFailure(
+                f"{self.cell.name} answers with a stress of type {stress.dtype}; it must be of "
+                f"{self.cell.dtype}, the model's own",
+                step,
+            )
         # NumPy's calls cost a third of torch's at a few hundred points.
         array = (stress.detach() if stress.requires_grad else stress).numpy()
         if array.shape != self._shape:
-            raise ConfigurationError(
+            raise CellFailure(
                 f"{self.cell.name} answers {self.count} strain increments with a stress of shape "
-                f"{array.shape}; it must be {self._shape}"
+                f"{array.shape}; it must be {self._shape}",
+                step,
             )
         values = np.ascontiguousarray(array.T, dtype=float).reshape(-1)
         strain = self.strain + dstrain

@@ -12,6 +12,7 @@ misled or the drive turned, at the prescribed motion spread over the body.
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from granbench.errors import AnalysisError
 from granbench.fem.balance import Balance
 from granbench.fem.explicit import OnStep
 from granbench.fem.gauss_points import GaussPoints, MaterialFailure
-from granbench.fem.iteration import ImplicitSettings, Outcome, scheme_of
+from granbench.fem.iteration import ImplicitSettings, Outcome, Scheme, scheme_of
 from granbench.fem.loading import AssembledLoading, LoadingHistory
 from granbench.fem.mesh import Floats
 from granbench.fem.operators import Operators
@@ -61,12 +62,39 @@ def solve_implicit(
         If a load step does not converge, or the material fails, however small the step.
     """
     march = _March(operators, loading, points, settings)
-    march.record(recorder, (), 0, 0)
+    march.record(recorder, _Taken())
+    points.ask_at_rest()
+    scheme = scheme_of(settings, march.balance)
     times = load_times(loading.loading.drive, settings.steps)
     for step in range(1, len(times)):
-        march.advance(times[step - 1], times[step], step, recorder)
+        march.record(recorder, march.advance(scheme, times[step - 1], times[step], step))
         if on_step is not None:
             on_step(step, len(times) - 1)
+
+
+@dataclass(frozen=True)
+class _Taken:
+    """How a load step was taken; the residuals are those of its last piece."""
+
+    pieces: int = 0
+    iterations: int = 0
+    residuals: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """What came of a piece of a load step.
+
+    Parameters
+    ----------
+    outcome : of the last first increment that the scheme came to an end from, if any
+    failure : of the material, from any of them
+    iterations : from all of them
+    """
+
+    outcome: Outcome | None
+    failure: MaterialFailure | None
+    iterations: int
 
 
 class _March:
@@ -82,7 +110,6 @@ class _March:
         self.begin = time.perf_counter()
         self.loading, self.points, self.settings = loading, points, settings
         self.balance = Balance(operators, points, loading.free_places)
-        self.scheme = scheme_of(settings, self.balance)
         self.displacement = np.zeros(2 * operators.node_count)
         self.last, self.last_move = np.zeros_like(self.displacement), 0.0
         self.internal = operators.force @ points.stress
@@ -92,36 +119,41 @@ class _March:
         self.time = 0.0
         self.internal_work = self.external_work = 0.0
 
-    def advance(self, begin: float, end: float, step: int, recorder: Recorder) -> None:
-        """One load step, in as many pieces as it takes."""
-        length, done, share, iterations, pieces = end - begin, 0.0, 1.0, 0, 0
-        residuals: tuple[float, ...] = ()
-        drive = self.loading.loading.drive
+    def advance(self, scheme: Scheme, begin: float, end: float, step: int) -> _Taken:
+        """One load step, in as many pieces as it takes: halves after a failure, then twice that."""
+        drive, taken = self.loading.loading.drive, _Taken()
+        done, share = 0.0, 1.0
         while done < 1.0:
-            until = end if done + share >= 1.0 else begin + (done + share) * length
+            until = end if done + share >= 1.0 else begin + (done + share) * (end - begin)
             move = float(drive.at(until) - drive.at(self.time))
-            outcome, failure = None, None
-            self.balance.aim_at(self.loading.external_force(self.loading.force_values(until)), step)
-            for guess in self._guesses(move):
-                try:
-                    outcome = self.scheme(guess)
-                except MaterialFailure as problem:
-                    failure = problem
-                    continue
-                iterations += len(outcome.residuals) - 1
-                if outcome.converged:
-                    break
-            if outcome is None or not outcome.converged:
+            attempt = self._attempt(scheme, until, move, step)
+            outcome, iterations = attempt.outcome, taken.iterations + attempt.iterations
+            if outcome is not None and outcome.converged:
+                self._keep(outcome.increment, move, until)
+                taken = _Taken(taken.pieces + 1, iterations, outcome.residuals)
+                done += share
+                share = min(2.0 * share, 1.0 - done)
+            else:
+                taken = replace(taken, iterations=iterations)
                 share *= 0.5
                 if share < 0.5**self.settings.cuts:
-                    raise self._failed(step, outcome, failure)
+                    raise self._failed(scheme, attempt, step)
+        return taken
+
+    def _attempt(self, scheme: Scheme, until: float, move: float, step: int) -> _Attempt:
+        """Look for the balance at a time from one first increment after the other."""
+        outcome, failure, iterations = None, None, 0
+        self.balance.aim_at(self.loading.external_force(self.loading.force_values(until)), step)
+        for guess in self._guesses(move):
+            try:
+                outcome = scheme(guess)
+            except MaterialFailure as problem:
+                failure = problem
                 continue
-            self._keep(outcome.increment, move, until)
-            residuals = outcome.residuals
-            pieces += 1
-            done += share
-            share = min(2.0 * share, 1.0 - done)
-        self.record(recorder, residuals, iterations, pieces)
+            iterations += len(outcome.residuals) - 1
+            if outcome.converged:
+                break
+        return _Attempt(outcome, failure, iterations)
 
     def _guesses(self, move: float) -> list[Floats]:
         """First values of an increment, the more promising first."""
@@ -144,32 +176,30 @@ class _March:
         self.internal, self.external = internal, external
         self.last, self.last_move, self.time = increment, move, until
 
-    def _failed(
-        self, step: int, outcome: Outcome | None, failure: MaterialFailure | None
-    ) -> AnalysisError:
-        if outcome is None and failure is not None:
-            return failure
+    def _failed(self, scheme: Scheme, attempt: _Attempt, step: int) -> AnalysisError:
+        """Why a load step cannot be taken: the material's reason if no iteration came to an end."""
+        outcome = attempt.outcome
+        if outcome is None and attempt.failure is not None:
+            return attempt.failure
         residual = outcome.residuals[-1] if outcome is not None else np.nan
         return AnalysisError(
             f"load step {step} does not converge with the scheme {self.settings.scheme!r}, however "
             f"small its pieces: forces are out of balance by {residual:.2g} of their size; "
-            f"{self.scheme.remedy}"
+            f"{scheme.remedy}"
         )
 
-    def record(
-        self, recorder: Recorder, residuals: tuple[float, ...], iterations: int, pieces: int
-    ) -> None:
+    def record(self, recorder: Recorder, taken: _Taken) -> None:
         """Hand the present load step on."""
         parts = self.internal_work, self.external_work
         seconds = time.perf_counter() - self.begin
         recorder.add(
             self.displacement,
             driving_displacement=float(self.loading.loading.drive.at(self.time)),
-            residuals=residuals,
+            residuals=taken.residuals,
             time=self.time,
             reaction=self.loading.reaction(self.internal, self.external),
-            iterations=iterations,
-            pieces=pieces,
+            iterations=taken.iterations,
+            pieces=taken.pieces,
             internal_energy=self.internal_work,
             external_work=self.external_work,
             energy_error=(parts[0] - parts[1]) / (max(map(abs, parts)) or 1.0),

@@ -28,6 +28,7 @@ from granbench.errors import ConfigurationError
 from granbench.fem.balance import Balance
 from granbench.fem.gauss_points import MaterialFailure
 from granbench.fem.mesh import Floats
+from granbench.fem.time_step import require_whole
 
 LOOK_BACK = 5
 """Errors under whose largest a Newton step has to end (Grippo, Lampariello & Lucidi 1986). While
@@ -96,6 +97,7 @@ class ImplicitSettings:
             raise ConfigurationError(
                 f"unknown scheme {self.scheme!r}; there are {', '.join(SCHEMES)}"
             )
+        require_whole(self, "steps", "iterations", "cuts")
         for name in ("steps", "tolerance", "displacement_tolerance", "density", "iterations"):
             value = getattr(self, name)
             if value is not None and not (0.0 < value < math.inf):

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 import skfem
+from skfem.quadrature import get_quadrature
 
 from granbench.errors import ConfigurationError
 
@@ -64,7 +65,8 @@ class PlaneMesh:
     Raises
     ------
     ConfigurationError
-        If the element is unknown or does not fit the mesh, or one is inverted or degenerate.
+        If the element is unknown or does not fit the mesh, a coordinate is not finite, or an
+        element is inverted or degenerate.
     """
 
     geometry: skfem.Mesh
@@ -81,6 +83,12 @@ class PlaneMesh:
             raise ConfigurationError(
                 f"the mesh has elements of {corners} corners, which cannot be {self.element}; use "
                 f"{' or '.join(fitting) or 'a plane mesh of triangles or quadrilaterals'}"
+            )
+        lost = ~np.isfinite(self.geometry.p).all(axis=0)
+        if lost.any():
+            raise ConfigurationError(
+                f"node {int(lost.argmax())} of the mesh has a coordinate that is not finite; mend "
+                "the mesh"
             )
         self._refuse_inverted()
 
@@ -186,13 +194,43 @@ class PlaneMesh:
         first, second = np.triu_indices(distance.shape[1], 1)
         return float(distance[:, first, second].min())
 
+    def turned(self, displacement: Floats) -> Floats:
+        """Which elements a displacement turns over at one of their corners, or makes flat there.
+
+        Parameters
+        ----------
+        displacement : (node, direction), m
+
+        Returns
+        -------
+        (element,), whether the Jacobian of its corners has another sign than in the mesh
+        """
+        turns = self._corner_jacobians(self.nodes + displacement) * self._jacobians_at_rest
+        return np.asarray((turns <= 0.0).any(axis=1))
+
+    @cached_property
+    def _corners(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Each element's corners, those before and those after them, (element, corner)."""
+        corners = self.element_nodes[:, : self.kind.corners]
+        return corners, np.roll(corners, 1, axis=1), np.roll(corners, -1, axis=1)
+
+    @cached_property
+    def _jacobians_at_rest(self) -> Floats:
+        return self._corner_jacobians(self.nodes)
+
+    def _corner_jacobians(self, nodes: Floats) -> Floats:
+        """Cross products of the two edges that meet at each corner, (element, corner), m2."""
+        here, before, after = self._corners
+        x, y = np.ascontiguousarray(nodes.T)
+        came_x, came_y = x[here] - x[before], y[here] - y[before]
+        goes_x, goes_y = x[after] - x[here], y[after] - y[here]
+        return np.asarray(came_x * goes_y - came_y * goes_x)
+
     def _refuse_inverted(self) -> None:
         """Raise for the worst element that is turned inside out, flat, or folded over another."""
-        with np.errstate(divide="ignore", invalid="ignore"):  # scikit-fem inverts it at once
-            places = np.hstack([self.basis.X, self.geometry.refdom.p])
-            determinant = self.basis.mapping.detDF(places)
+        determinant = self._determinants()
         size = np.abs(determinant).max(axis=1)
-        typical = np.median(size)
+        typical = np.median(size) or size.max() or 1.0
         least = np.where(
             determinant[:, 0] < 0.0, (-determinant).min(axis=1), determinant.min(axis=1)
         )
@@ -203,6 +241,18 @@ class PlaneMesh:
         folds = self._folds()
         if folds.any():
             raise self._inverted(int(folds.argmax()), int((folds > 0).sum()), "folded over another")
+
+    def _determinants(self) -> Floats:
+        """Of the Jacobian at the Gauss points and corners, (element, place); zeros among them."""
+        shape = self.geometry.refdom
+        at_points, _ = get_quadrature(shape, self.kind.integration_order)
+        places = np.hstack([at_points, shape.p])
+        mapping = self.geometry.mapping()
+        if isinstance(mapping, skfem.MappingIsoparametric):  # whose own method raises at a zero
+            (a, b), (c, d) = [[mapping.J(i, j, places) for j in (0, 1)] for i in (0, 1)]
+            return np.asarray(a * d - b * c)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a triangle's is inverted at once
+            return np.asarray(mapping.detDF(places))
 
     def _folds(self) -> np.ndarray:
         """For each element, on how many of its edges the neighbour lies on its own side."""

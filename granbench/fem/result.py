@@ -23,6 +23,7 @@ DESCRIPTIONS: Mapping[str, tuple[str, str]] = {
     "driving_displacement": ("m", "driving displacement"),
     "driving_strain": ("1", "driving displacement over its reference length"),
     "reaction": ("N/m", "reaction conjugate to the driving displacement, per unit thickness"),
+    "turned_elements": ("1", "elements that have turned over at the displaced nodes"),
     "volumetric_strain": ("1", "global volumetric strain, compression positive"),
     "maximum_acceleration": ("m/s2", "largest nodal acceleration since the last output"),
     "kinetic_energy": ("J/m", "kinetic energy"),
@@ -122,18 +123,20 @@ class Recorder:
         strain, stress = (
             vector.reshape(COMPONENTS, -1).T.copy() for vector in (points.strain, points.stress)
         )
+        moved = displacement.reshape(2, -1).T.copy()
         self._rows.append(
             {
                 **numbers,
                 "driving_displacement": driving_displacement,
                 "driving_strain": driving_displacement / self.drive_length,
                 "volumetric_strain": self.operators.volumetric_strain(strain.T),
+                "turned_elements": int(self.operators.mesh.turned(moved).sum()),
             }
         )
         self._residuals.append(residuals)
         self._fields["strain"].append(strain)
         self._fields["stress"].append(stress)
-        self._fields["displacement"].append(displacement.reshape(2, -1).T.copy())
+        self._fields["displacement"].append(moved)
         for name, values in points.internals().items():
             self._internals[name].append(values.copy())
 

@@ -4,12 +4,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 
 from granbench.errors import ConfigurationError
 from granbench.fem.gauss_points import GaussPoints
 from granbench.fem.operators import Operators
+
+
+def require_whole(settings: object, *names: str) -> None:
+    """Refuse settings that count something and are no whole number, or None.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the first of them.
+    """
+    for name in names:
+        value = getattr(settings, name)
+        if not (value is None or isinstance(value, Integral)):
+            raise ConfigurationError(f"{name} is {value!r}; give a whole number")
 
 
 @dataclass(frozen=True)
@@ -46,6 +61,7 @@ class ExplicitSettings:
     outputs: int = 100
 
     def __post_init__(self) -> None:
+        require_whole(self, "outputs")
         for name in ("density", "damping_length", "safety", "outputs", "modulus", "time_step"):
             value = getattr(self, name)
             if value is not None and not (0.0 < value < math.inf):

@@ -9,6 +9,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from granbench.fem.remarks import first_turned_step
 from granbench.plotting.paraview import element_means
 from granbench.plotting.style import figure_grid, house_style, model_styles
 
@@ -26,7 +27,7 @@ def analysis_figure(dataset: xr.Dataset) -> Figure:
     """Reaction, volumetric strain and effort against the driving strain, and the body at the end.
 
     Effort is the largest nodal acceleration since the last output (explicit), or the iterations of
-    each load step (implicit).
+    each load step (implicit). A dotted line says from where elements have turned over.
 
     Parameters
     ----------
@@ -47,11 +48,18 @@ def analysis_figure(dataset: xr.Dataset) -> Figure:
         # Nothing has moved yet at the first step.
         effort.semilogy(strain[1:], dataset["maximum_acceleration"].values[1:], **line)
         effort.set_ylabel(r"largest acceleration [m/s$^2$]")
+    turned = first_turned_step(dataset)
     for axis in (force, volume, effort):
         axis.set_xlabel("driving strain [%]")
+        if turned is not None:
+            axis.axvline(strain[turned], color="0.35", linestyle=":")
     draw_body(body, dataset)
     title = f"{dataset.attrs['title']}: {name}, {dataset.attrs['solver']}"
-    figure.suptitle(title if dataset.attrs["completed"] else f"{title} (ended early)")
+    if not dataset.attrs["completed"]:
+        title += " (ended early)"
+    if turned is not None:
+        title += f"\ndotted: elements have turned over, from {strain[turned]:.3g} % on"
+    figure.suptitle(title)
     return figure
 
 

@@ -24,6 +24,7 @@ from granbench.cell import MaterialCell
 from granbench.errors import ConfigurationError, DatasetError
 from granbench.fem import ExplicitSettings, ImplicitSettings, run
 from granbench.fem.analysis import settings_for
+from granbench.fem.cell_failure import CellFailure
 from granbench.models.classical import ClassicalCell
 from granbench.models.ground_truth import ground_truth_cell
 from granbench.protocols.posed import posed, start_of
@@ -158,6 +159,8 @@ def _analysed(
     seconds = time.process_time() - begin
     if isinstance(result.failure, KeyboardInterrupt):
         raise result.failure
+    if isinstance(result.failure, CellFailure):  # a mistake in a program is no score
+        raise result.failure.__cause__ or result.failure
     found, kept = result.dataset, _without_outputs(analysis)
     reached = found.sizes.get("step", 0)
     if reached > kept.sizes["output"]:

@@ -1,10 +1,8 @@
 """Every protocol of the chosen axes, for every seed of a model."""
 
 import json
-import traceback
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -13,7 +11,13 @@ import xarray as xr
 
 from granbench.axes import AXES, COST, EMBEDDED, PHYSICS, ProtocolSpec, chosen_axes, protocols_of
 from granbench.cell import MaterialCell
-from granbench.errors import ConfigurationError, DatasetError, GranbenchError, ModelError
+from granbench.errors import (
+    ConfigurationError,
+    DatasetError,
+    GranbenchError,
+    ModelError,
+    where_it_fell,
+)
 from granbench.models.ground_truth import ground_truth_cell
 from granbench.predictions import (
     EMBEDDED_FAILURES,
@@ -226,10 +230,8 @@ def _guarded(cell: MaterialCell, part: str, run: Callable[[], Result]) -> Result
         raise
     except Exception as error:
         # The cell is a stranger's code: say where it fell, and keep the cause for a debugger.
-        place = traceback.extract_tb(error.__traceback__)[-1]
         raise ModelError(
-            f"cell {cell.name!r} failed in protocol {part} with {type(error).__name__} "
-            f"({error}) at {Path(place.filename).name} line {place.lineno}; mend the cell"
+            f"cell {cell.name!r} failed in protocol {part} {where_it_fell(error)}; mend the cell"
         ) from error
 
 

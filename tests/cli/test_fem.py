@@ -37,6 +37,26 @@ class Signals(Hooke):
             signal.raise_signal(self.number)
         return super().forward(dstrain, stress)
 
+class Uncalled(Hooke):
+    def __init__(self):
+        raise AssertionError("made although it cannot be used")
+
+class Raises(Hooke):
+    def forward(self, dstrain, stress):
+        stress = super().forward(dstrain, stress)
+        if (stress > 4e4).any():
+            raise ValueError('boom')
+        return stress
+
+class Nothing(Hooke):
+    def forward(self, dstrain, stress):
+        return torch.full_like(stress, torch.nan)
+
+class Pressed(Hooke):
+    def forward(self, dstrain, stress):
+        stress = torch.where(stress == 1e5, 1.5e5, stress)
+        return super().forward(dstrain, stress)
+
 class Terminates(Signals):
     number = signal.SIGTERM
 
@@ -45,6 +65,7 @@ def of(module, order="plane"):
 
 hooke, breaks, signals, terminates = map(of, (Hooke, Breaks, Signals, Terminates))
 solid = of(Hooke, "full")
+uncalled, raises, nothing, pressed = map(of, (Uncalled, Raises, Nothing, Pressed))
 """
 
 
@@ -138,12 +159,83 @@ def test_point_without_stress_is_named_and_the_output_before_it_kept(fem):
         assert np.isfinite(found["stress"]).all()
 
 
+def test_module_that_raises_is_named_by_its_line_and_the_output_before_it_kept(fem):
+    line = MODULE.splitlines().index("            raise ValueError('boom')") + 1
+    for solver in ("explicit", "implicit"):
+        words = ("--cell", "own:raises", "--solver", solver, "--out", f"{solver}.nc")
+        refused(
+            fem("biaxial", *words, "--mesh", "coarse"),
+            f"with ValueError (boom) at own.py line {line}; mend the model",
+            f"{solver}.nc holds the output up to driving strain 0.00",
+        )
+        with xr.open_dataset(f"{solver}.nc") as found:
+            assert found.attrs["completed"] == 0
+            assert 1 < found.sizes["step"] < 101
+
+
+def test_model_that_is_lost_at_once_leaves_the_start(fem, tmp_path):
+    words = ("--cell", "own:nothing", "--out", "a.nc", "--plot", "a.png", "--mesh", "coarse")
+    refused(
+        fem("biaxial", *words), "before anything is strained; choose another start",
+        "a.nc holds the start alone",
+    )  # fmt: skip
+    with xr.open_dataset("a.nc") as found:
+        assert (found.sizes["step"], found.attrs["failed_step"]) == (1, 0)
+    assert not (tmp_path / "a.png").exists()
+
+
+def test_run_that_ended_early_has_its_series_and_picture(fem, tmp_path):
+    words = ("--out", "a.nc", "--vtu", "series", "--plot", "a.png", "--mesh", "coarse")
+    for cell, code in (("own:breaks", 2), ("own:signals", 130)):
+        assert fem("biaxial", "--cell", cell, *words)[0] == code
+        (tmp_path / "a.png").unlink()
+        index = tmp_path / "series" / "biaxial.pvd"
+        with xr.open_dataset("a.nc") as found:
+            assert index.read_text().count("<DataSet ") == found.sizes["step"] < 101
+        index.unlink()
+
+
+def test_elements_that_turn_over_are_said(fem):
+    # A wall half a body's length into it: the soil folds at the foot of the wall.
+    words = ("--cell", "own:hooke", "--solver", "implicit", "--out", "a.nc", "--outputs", 4)
+    words = ("retaining-wall", *words, "--mesh", "coarse", "--choose", "end_strain=0.5")
+    code, out, err = fem(*words)
+    assert code == 0, err
+    with xr.open_dataset("a.nc") as found:
+        turned = found["turned_elements"].values
+        first = int(np.flatnonzero(turned)[0])
+        strain = float(found["driving_strain"][first])
+    assert first > 0 and turned[0] == 0
+    note = out.splitlines()[1]
+    assert note.startswith(
+        f"note: elements have turned over, {turned[first]} by output step {first}"
+    )
+    assert f"at driving strain {strain:.4g}" in note
+    found = json.loads(fem(*words, "--json")[1])
+    assert (found["first_turned_step"], found["turned_elements"]) == (first, turned.max())
+    assert found["warnings"] == [note.removeprefix("note: ")]
+
+
+def test_imbalance_at_the_start_is_said(fem):
+    words = ("biaxial", "--cell", "own:pressed", "--out", "a.nc", "--outputs", 2, *COARSE)
+    code, out, _ = fem(*words, "--choose", "confinement=1e5")
+    assert code == 0
+    assert "note: the analysis starts out of balance: unstrained, pressed gives" in out
+    found = json.loads(fem(*words, "--choose", "confinement=1e5", "--json")[1])
+    assert found["initial_imbalance"] == pytest.approx(0.5)
+    assert len(found["warnings"]) == 1
+    balanced = json.loads(fem(*words, "--choose", "confinement=2e5", "--json")[1])
+    assert (balanced["initial_imbalance"], balanced["warnings"]) == (0.0, [])
+
+
 @pytest.mark.parametrize(("cell", "code"), [("own:signals", 130), ("own:terminates", 143)])
 def test_interrupted_run_keeps_its_output_so_far(fem, cell, code):
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
     left, out, err = fem("biaxial", "--cell", cell, "--out", "a.nc", "--mesh", "coarse")
     assert (left, out) == (code, ""), err
     assert err.startswith("a.nc holds the output up to driving strain")
+    said = {130: "interrupted", 143: "terminated"}[code]
+    assert err.splitlines()[1:] == [f"{said}; run the same command again to begin anew"]
     with xr.open_dataset("a.nc") as found:
         assert found.attrs["completed"] == 0
         assert 1 < found.sizes["step"] < 101
@@ -181,6 +273,14 @@ def test_interrupted_run_keeps_its_output_so_far(fem, cell, code):
         (("biaxial", "--cell", "csuh", "--choose", "confinement=0"), ["p0 above zero"]),
         (("biaxial", "--cell", "csuh", "--e0", "3"), ["void ratio of 3.0000", "loosest"]),
         (("biaxial", "--cell", "j2", "--ocr", "3"), ["--ocr is given, but j2 makes no use of it"]),
+        (
+            ("biaxial", "--cell", "j2", "--start", "grading_index=1"),
+            ["--start grading_index is given, but j2 makes no use of it; leave it out"],
+        ),
+        (
+            ("biaxial", "--cell", "j2", "--choose", "ends=smooth", "--choose", "ends=rough"),
+            ["ends is chosen twice; leave one of them out"],
+        ),
         (("biaxial", "--cell", "persistence"), ["has no stiffness at the start", "modulus"]),
     ],
 )  # fmt: skip
@@ -213,6 +313,12 @@ def test_targets_are_refused_before_anything_is_computed(fem, tmp_path):
     refused(fem(*hooke, "--out", "folder.nc"), "is a folder")
     refused(fem(*hooke, "--out", "a.nc", "--vtu", "file"), "--vtu file is a file; give a folder")
     refused(fem(*hooke, "--out", "a.nc", "--plot", "a.gif"), "a.gif", ".png, .pdf or .svg")
+    for option, target in (("--out", "a.nc"), ("--vtu", "series"), ("--plot", "a.png")):
+        words = {"--out": "a.nc", option: f"file/{target}"}
+        result = fem(
+            "biaxial", "--cell", "own:uncalled", *(w for pair in words.items() for w in pair)
+        )
+        refused(result, f"{option} file/{target}", "cannot be written", "choose a folder")
     assert not (tmp_path / "a.nc").exists()
 
 

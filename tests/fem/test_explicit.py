@@ -154,7 +154,9 @@ def test_model_without_stiffness_asks_for_a_modulus() -> None:
     assert run(Biaxial(end_strain=0.001), cell, solver=settings, mesh="coarse").failure is None
 
 
-@pytest.mark.parametrize(("name", "value"), [("density", 0.0), ("damping", -1.0), ("outputs", 0)])
+@pytest.mark.parametrize(
+    ("name", "value"), [("density", 0.0), ("damping", -1.0), ("outputs", 0), ("outputs", 2.5)]
+)
 def test_setting_out_of_range_is_refused(name: str, value: float) -> None:
     with pytest.raises(ConfigurationError, match=f"{name} is"):
         ExplicitSettings(**{name: value})
@@ -201,3 +203,7 @@ def test_unknown_choices_are_named() -> None:
         run("biaxial", elastic_cell(), solver="exact")
     with pytest.raises(ConfigurationError, match="ends cannot be 'sticky'; choose rough or smooth"):
         Biaxial(ends="sticky")
+    with pytest.raises(
+        ConfigurationError, match="an object of type int is no material; give a MaterialCell"
+    ):
+        run("biaxial", 3)

@@ -1,15 +1,21 @@
 """The material at the Gauss points: what goes in, what comes out, and what is refused."""
 
+import re
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 import torch
 from plane_bodies import STIFFNESS, Body, bounded_by, elastic_cell
 from torch import Tensor
 
-from granbench.cell import ModuleCell
-from granbench.errors import ConfigurationError
+from granbench.cell import Conditions, ModuleCell, StateLayout
+from granbench.errors import ConfigurationError, ModelError
 from granbench.fem import ExplicitSettings, ImplicitSettings, rectangle, run
+from granbench.fem.cell_failure import CellFailure
 from granbench.fem.gauss_points import GaussPoints, MaterialFailure
+from granbench.fem.problems.biaxial import Biaxial
+from granbench.fem.remarks import remarks
 from granbench.models import MODELS
 
 POSITIONS = np.array([[0.1, 0.2], [0.3, 0.4], [0.5, 0.6]])
@@ -32,8 +38,6 @@ class Breaks(torch.nn.Module):
 
 
 def breaking_cell(limit: float, lost: float = torch.nan) -> ModuleCell:
-    from granbench.cell import StateLayout
-
     layout = StateLayout.of(stress=3, total_strain=3)
     return ModuleCell(
         Breaks(limit, lost), name="brittle", order="plane", layout=layout, dtype=torch.float64
@@ -86,8 +90,147 @@ def test_stress_of_another_shape_is_refused() -> None:
 
     cell = ModuleCell(Wide(), name="wide", order="plane", dtype=torch.float64)
     points = GaussPoints(cell, np.zeros((3, 3)), POSITIONS)
-    with pytest.raises(ConfigurationError, match=r"stress of shape \(3, 6\); it must be \(3, 3\)"):
+    with pytest.raises(CellFailure, match=r"stress of shape \(3, 6\); it must be \(3, 3\)"):
         points.step(DSTRAIN, 1)
+
+
+SOLVERS = (ExplicitSettings(outputs=20), ImplicitSettings(steps=20))
+
+
+class Faulty(torch.nn.Module):
+    """Elastic, and beyond a stress something else."""
+
+    def __init__(self, fault: Callable[[Tensor], object]) -> None:
+        super().__init__()
+        self.fault = fault
+
+    def forward(self, dstrain: Tensor, stress: Tensor) -> object:
+        after = stress + dstrain @ torch.from_numpy(STIFFNESS)
+        return after if stress.max() < 1e5 else self.fault(after)
+
+
+def boom(stress: Tensor) -> Tensor:
+    raise ValueError("boom\nand more")
+
+
+def exhausted(stress: Tensor) -> Tensor:
+    raise MemoryError
+
+
+@pytest.mark.parametrize("settings", SOLVERS, ids=["explicit", "implicit"])
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [
+        (boom, r"with ValueError \(boom and more\) at test_gauss_points.py line \d+; mend"),
+        (exhausted, r"with MemoryError at test_gauss_points.py line \d+; mend the model"),
+        (lambda stress: stress @ stress, r"with RuntimeError \(.*\) at test_gauss_points.py line"),
+        (lambda stress: None, r"faulty answers in step \d+ with NoneType, NoneType; a step must"),
+        (lambda stress: stress.detach().numpy(), r"faulty answers in step \d+ with ndarray, nd"),
+        (lambda stress: stress[:, :2], r"with a stress of shape \(4, 2\); it must be \(4, 3\)"),
+        (
+            lambda stress: stress.long(),
+            r"a stress of type torch.int64; it must be of torch.float64",
+        ),
+    ],
+    ids=["raises", "no memory", "wrong product", "None", "array", "shape", "integers"],
+)
+def test_model_that_breaks_as_a_program_keeps_what_was_computed(
+    settings: ExplicitSettings | ImplicitSettings, fault: Callable, sentence: str
+) -> None:
+    cell = ModuleCell(Faulty(fault), name="faulty", order="plane", dtype=torch.float64)
+    loading = bounded_by(lambda x: 0.0 * x[:, 0], lambda x: -0.1 * x[:, 1])
+    found = run(Body(loading), cell, solver=settings, mesh=rectangle(1.0, 1.0, 1, 1))
+    assert isinstance(found.failure, CellFailure), found.failure
+    assert re.search(sentence, str(found.failure)), found.failure
+    assert found.dataset.attrs["failure"] == str(found.failure)
+    assert found.dataset.attrs["failed_step"] == found.failure.step > 0
+    assert 1 < found.dataset.sizes["step"] < 21
+
+
+def test_first_state_that_cannot_be_made_is_one_sentence() -> None:
+    def start(conditions: Conditions) -> Tensor:
+        raise KeyError("void ratio")
+
+    cell = ModuleCell(Faulty(boom), name="faulty", order="plane", start=start)
+    with pytest.raises(ModelError, match=r"faulty failed to make its first state with KeyError"):
+        run("biaxial", cell, mesh="coarse")
+
+
+@pytest.mark.parametrize("settings", SOLVERS, ids=["explicit", "implicit"])
+def test_model_without_a_stress_from_the_first_call_on_keeps_the_start(
+    settings: ExplicitSettings | ImplicitSettings,
+) -> None:
+    found = run("biaxial", breaking_cell(-1.0), solver=settings, mesh="coarse")
+    assert isinstance(found.failure, MaterialFailure)
+    assert found.dataset.sizes["step"] == 1
+    assert not found.dataset["driving_strain"].any()
+    at_once = "before anything is strained; choose another start or another model"
+    later = "brittle gives no finite stress at the start, where nothing is strained"
+    assert (at_once if isinstance(settings, ExplicitSettings) else later) in str(found.failure)
+    assert "take smaller steps" not in str(found.failure) or "step 1," in str(found.failure)
+
+
+class Offset(torch.nn.Module):
+    """Elastic, with a stress that begins at a pressure of its own, as a trained network's does."""
+
+    def __init__(self, pressure: float) -> None:
+        super().__init__()
+        self.pressure = pressure
+
+    def forward(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        strain = state[:, 3:] + dstrain
+        own = torch.tensor([self.pressure, self.pressure, 0.0], dtype=torch.float64)
+        stress = own + strain @ torch.from_numpy(STIFFNESS)
+        return stress, torch.cat([stress, strain], dim=1)
+
+
+def offset_cell(pressure: float) -> ModuleCell:
+    layout = StateLayout.of(stress=3, total_strain=3)
+    return ModuleCell(
+        Offset(pressure), name="offset", order="plane", layout=layout, dtype=torch.float64
+    )
+
+
+@pytest.mark.parametrize("solver", ["explicit", "implicit"])
+@pytest.mark.parametrize(
+    ("confinement", "own", "imbalance"),
+    [(1e5, 1e5, 0.0), (1e5, 0.995e5, 0.005), (1e5, 0.0, 1.0), (0.0, 2e4, 0.2)],
+)
+def test_imbalance_at_the_start_is_measured_and_said(
+    solver: str, confinement: float, own: float, imbalance: float
+) -> None:
+    problem = Biaxial(ends="smooth", end_strain=0.002, confinement=confinement)
+    # At 100 kPa off, the implicit solver finds no balance for its first load step.
+    found = run(problem, offset_cell(own), solver=solver, mesh="coarse").dataset
+    assert found.attrs["initial_imbalance"] == pytest.approx(imbalance, abs=1e-12)
+    said = remarks(found)
+    assert len(said) == (imbalance > 0.01)
+    if said:
+        share = f"{100.0 * imbalance:.3g} % of 100 kPa; start it at a pressure that it knows"
+        assert "offset gives a stress that is off the imposed one" in said[0] and share in said[0]
+
+
+def test_asking_at_rest_changes_nothing_that_is_kept() -> None:
+    points = GaussPoints(offset_cell(1e4), np.zeros((3, 3)), POSITIONS)
+    state = points.state.clone()
+    points.ask_at_rest()
+    points.accept()
+    assert torch.equal(points.state, state)
+    assert not points.stress.any() and not points.strain.any()
+
+
+def test_imbalance_at_the_start_is_in_the_sentence_of_a_failure() -> None:
+    class Lost(Offset):
+        def forward(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+            stress, after = super().forward(dstrain, state)
+            return torch.where(dstrain.any(), torch.nan, stress), after
+
+    layout = StateLayout.of(stress=3, total_strain=3)
+    cell = ModuleCell(Lost(0.0), name="lost", order="plane", layout=layout, dtype=torch.float64)
+    found = run(Biaxial(confinement=1e5), cell, solver="implicit", mesh="coarse")
+    assert "lost gives no finite stress at Gauss point" in str(found.failure)
+    assert "starts out of balance: unstrained, lost gives a stress" in str(found.failure)
+    assert found.dataset.attrs["failure"] == str(found.failure)
 
 
 @pytest.mark.parametrize("lost", [np.nan, np.inf])

@@ -132,6 +132,8 @@ def test_cell_without_a_useful_tangent_says_so_and_converges_with_a_given_stiffn
         ({"scheme": "bfgs"}, "unknown scheme 'bfgs'; there are newton, restart, initial-stiffness"),
         ({"steps": 0}, "steps is 0"),
         ({"cuts": -1}, "cuts is -1"),
+        ({"steps": 2.5}, "steps is 2.5; give a whole number"),
+        ({"iterations": "few"}, "iterations is 'few'; give a whole number"),
         ({"stiffness": ((1.0,),)}, r"has the shape \(1, 1\); it must be \(3, 3\)"),
     ],
 )

@@ -160,10 +160,46 @@ def test_element_without_area_is_refused() -> None:
         PlaneMesh.of_arrays(nodes, np.array([[0, 1, 2], [0, 1, 4]]), {})
 
 
+def test_element_with_its_corners_on_a_line_is_refused() -> None:
+    corners = np.array([[0, 1, 2, 3]])
+    line = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0]])
+    with pytest.raises(
+        ConfigurationError, match=r"element 0 .* at \(1.5, 0\), is inverted or flat"
+    ):
+        PlaneMesh.of_arrays(line, corners, {})
+
+
+@pytest.mark.parametrize("element", ["quad8", "tri6"])
+def test_coordinate_that_is_not_finite_is_refused(element: str) -> None:
+    geometry = rectangle(1.0, 1.0, 2, 2, element).geometry
+    geometry.p[1, 3] = np.nan
+    with pytest.raises(ConfigurationError, match="node 3 .* has a coordinate that is not finite"):
+        PlaneMesh(geometry, element)
+
+
 def test_clockwise_numbers_are_no_inversion() -> None:
     mesh = rectangle(0.5, 1.0, 2, 2)
     turned = PlaneMesh.of_arrays(mesh.geometry.p.T, mesh.geometry.t[::-1].T, {})
     assert build_operators(turned).volumes.sum() == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("element", ["quad8", "quad4", "tri3", "tri6"])
+def test_elements_turn_over_where_a_corner_passes_its_neighbours(element: str) -> None:
+    mesh = rectangle(1.0, 1.0, 2, 2, element)
+    moved = np.zeros_like(mesh.nodes)
+    centre = mesh.node_at(0.5, 0.5)
+    around = (mesh.element_nodes[:, : mesh.kind.corners] == centre).any(axis=1)
+    assert not mesh.turned(moved).any()
+    moved[centre] = (0.3, 0.0)
+    assert not mesh.turned(moved).any()
+    moved[centre] = (0.6, 0.0)  # beyond the right edge
+    turned = mesh.turned(moved)
+    assert turned.any() and not turned[~around].any()
+    angle = 2.0  # a rotation turns nothing over, and no more does a rigid motion
+    rotation = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+    assert not mesh.turned(mesh.nodes @ rotation - mesh.nodes + 3.0).any()
+    mirrored = -2.0 * mesh.nodes * (1.0, 0.0)
+    assert mesh.turned(mirrored).all()
 
 
 def test_element_that_does_not_fit_the_mesh_is_refused() -> None:

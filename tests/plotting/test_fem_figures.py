@@ -45,6 +45,15 @@ def test_explicit_analysis_shows_its_accelerations_and_an_early_end() -> None:
     assert "(ended early)" in figure.get_suptitle()
 
 
+def test_driving_strain_from_which_elements_have_turned_over_is_marked(found: xr.Dataset) -> None:
+    turned = np.zeros(found.sizes["step"], dtype=int)
+    turned[40:] = 2
+    figure = analysis_figure(found.assign(turned_elements=("step", turned)))
+    for axis in figure.axes[:3]:
+        assert axis.lines[1].get_xdata()[0] == pytest.approx(0.8)
+    assert "elements have turned over, from 0.8 % on" in figure.get_suptitle()
+
+
 def test_outlines_follow_the_displacement(found: xr.Dataset) -> None:
     begin, end = (outlines(found, step) for step in (0, -1))
     assert begin.shape == (found.sizes["element"], 4, 2)

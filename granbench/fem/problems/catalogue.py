@@ -65,7 +65,7 @@ def chosen_from_text(name: str, texts: Sequence[str]) -> Problem:
     Raises
     ------
     ConfigurationError
-        As `find_problem`, or if a text is none of these.
+        As `find_problem`, or if a text is none of these or chooses again.
     """
     find_problem(name)  # an unknown problem is said before its choices
     defaults = {field.name: field.default for field in fields(PROBLEMS[name])}
@@ -74,6 +74,8 @@ def chosen_from_text(name: str, texts: Sequence[str]) -> Problem:
         choice, sign, value = text.partition("=")
         if not (sign and choice.isidentifier()):
             raise ConfigurationError(f"{text!r} is no choice; give NAME=VALUE, as cycles=cyclic")
+        if choice in choices:
+            raise ConfigurationError(f"{choice} is chosen twice; leave one of them out")
         choices[choice] = _parsed(choice, value, defaults[choice]) if choice in defaults else value
     if "load_path" in choices and (twice := [each for each in DRIVE if each in choices]):
         raise ConfigurationError(

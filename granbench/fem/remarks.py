@@ -1,0 +1,61 @@
+"""What a user should know of an analysis that it does not fail for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import xarray as xr
+
+from granbench.fem.gauss_points import UNSTRESSED
+
+LARGEST_IMBALANCE = 0.01
+"""Of the stress at the start; beyond it the loads at the start do not hold the body."""
+
+
+def remarks(dataset: xr.Dataset) -> list[str]:
+    """Sentences about an analysis, finished or not; none where there is nothing to say.
+
+    Parameters
+    ----------
+    dataset : of an analysis, as it is in its file
+    """
+    found = _imbalance(dataset), _turned(dataset)
+    return [sentence for sentence in found if sentence is not None]
+
+
+def first_turned_step(dataset: xr.Dataset) -> int | None:
+    """The first output step at which an element has turned over; None if none has."""
+    turned = np.flatnonzero(dataset["turned_elements"].values)
+    return int(turned[0]) if turned.size else None
+
+
+def _imbalance(dataset: xr.Dataset) -> str | None:
+    share = float(dataset.attrs["initial_imbalance"])
+    if share <= LARGEST_IMBALANCE:
+        return None
+    model = dataset.attrs["cell"]
+    if math.isinf(share):
+        return (
+            f"{model} gives no finite stress at the start, where nothing is strained; choose "
+            "another start or another model"
+        )
+    imposed = float(np.abs(dataset["stress"].values[0]).max()) or UNSTRESSED
+    return (
+        f"the analysis starts out of balance: unstrained, {model} gives a stress that is off the "
+        f"imposed one by up to {100.0 * share:.3g} % of {imposed / 1e3:.4g} kPa; start it at a "
+        "pressure that it knows, as by the choice of `confinement`"
+    )
+
+
+def _turned(dataset: xr.Dataset) -> str | None:
+    step = first_turned_step(dataset)
+    if step is None:
+        return None
+    counts = dataset["turned_elements"].values
+    strain = float(dataset["driving_strain"][step])
+    return (
+        f"elements have turned over, {int(counts[step])} by output step {step} at driving strain "
+        f"{strain:.4g} and {int(counts.max())} at most: small-strain theory computes on, but no "
+        "body deforms so; end the loading before"
+    )
