@@ -30,7 +30,7 @@ def is_tensor(x: Array) -> bool:
 
 def in_numpy(x: Tensor) -> Array:
     """The entries of a tensor, not copied, as NumPy's array; no gradient follows it."""
-    entries: Any = x.detach().numpy()
+    entries: Any = (x.detach() if x.requires_grad else x).numpy()
     return entries
 
 
@@ -170,6 +170,11 @@ def rounding_unit(x: Array) -> float:
     return torch.finfo(x.dtype).eps if isinstance(x, Tensor) else float(np.finfo(x.dtype).eps)
 
 
-def smallest_normal(x: Array) -> float:
-    """Smallest positive number of the type of x that has all its digits."""
-    return torch.finfo(x.dtype).tiny if isinstance(x, Tensor) else float(np.finfo(x.dtype).tiny)
+_SMALLEST_SQUARES = {
+    kind.itemsize: torch.finfo(kind).tiny ** 0.5 for kind in (torch.float32, torch.float64)
+}
+
+
+def smallest_square(x: Array) -> float:
+    """Square, of the type of x, of which neither the root nor its inverse is lost to rounding."""
+    return _SMALLEST_SQUARES[x.dtype.itemsize]

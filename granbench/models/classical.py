@@ -265,7 +265,7 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
         if fixed is None or torch.is_grad_enabled():
             after = self.update(self._strain_rows(dstrain), state.T.contiguous(), self.constants())
         elif self.numpy_updates and points <= FEW_POINTS and state.is_cpu:
-            after = self._update_in_numpy(dstrain, state, fixed.in_numpy)
+            return self._step_in_numpy(dstrain, state, fixed.in_numpy)
         elif points < 2 * BLOCK:
             after = self.update(self._strain_rows(dstrain), state.T.contiguous(), fixed.in_torch)
         else:
@@ -276,13 +276,15 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
                 after[:, block] = self.update(strain, state[block].T, fixed.in_torch)
         return self._stress_of(after).T, after.T
 
-    def _update_in_numpy(self, dstrain: Tensor, state: Tensor, c: Constants) -> Tensor:
+    def _step_in_numpy(self, dstrain: Tensor, state: Tensor, c: Constants) -> tuple[Tensor, Tensor]:
+        count = self.component_count
         before: Any = np.ascontiguousarray(in_numpy(state).T)
         strain: Any = np.zeros((self.rows.count, before.shape[1]), before.dtype)
-        strain[: self.component_count] = in_numpy(dstrain).T  # in plane strain zz is zero
+        strain[:count] = in_numpy(dstrain).T  # in plane strain zz is zero
         # A point that cannot be followed ends as NaN without a warning, as in torch.
         with np.errstate(all="ignore"):
-            return in_torch(self.update(strain, before, c))
+            after = self.update(strain, before, c)
+        return in_torch(after[:count].T), in_torch(after.T)
 
     def tangent(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """See `MaterialCell.tangent`; in closed form where the model has one."""

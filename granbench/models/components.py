@@ -18,7 +18,7 @@ from granbench.models.arrays import (
     at_least,
     in_numpy,
     is_tensor,
-    smallest_normal,
+    smallest_square,
     sqrt,
 )
 from granbench.tensors import COMPONENT_ORDERS
@@ -92,13 +92,17 @@ class TensorRows:
         # One product with a vector of ones and zeros costs less than picking rows and adding.
         return self._units(rows).trace @ rows
 
+    def trace_tensor(self, rows: Array) -> Array:
+        """Trace times the unit tensor, (component, point)."""
+        return self._units(rows).spherical @ rows
+
     def deviator(self, rows: Array) -> Array:
         """Deviatoric part of tensors (component, point)."""
         return self.split(rows)[1]
 
     def split(self, rows: Array) -> tuple[Array, Array]:
         """Mean (point,) and deviator (component, point) of tensors (component, point)."""
-        spherical = (self._units(rows).spherical @ rows) * (1.0 / self.dimension)
+        spherical = self.trace_tensor(rows) * (1.0 / self.dimension)
         return spherical[0], rows - spherical  # the first component is a normal one
 
     def joined(self, mean: Array, deviator: Array, factor: Array) -> Array:
@@ -128,7 +132,7 @@ class TensorRows:
 
 def safe_root(square: Array) -> Array:
     """Square root of what is not negative, at a gradient of zero, not NaN, where it vanishes."""
-    return sqrt(at_least(square, smallest_normal(square) ** 0.5))
+    return sqrt(at_least(square, smallest_square(square)))
 
 
 def outer(a: Tensor, b: Tensor) -> Tensor:

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from granbench.models.arrays import Array, addcmul, cat, where
+from granbench.models.arrays import Array, addcmul, cat, where, zeros_like
 from granbench.models.classical import ClassicalCell
 from granbench.models.components import outer, safe_root
 from granbench.models.parameters import Constants
@@ -70,11 +70,17 @@ class HardeningCell(ClassicalCell):
         trial = elastic_trial(rows, stress, dstrain, c)
         p, s = rows.split(trial)
         q = rows.deviatoric_stress(s)
+        before = rows.contraction(plastic_strain, plastic_strain)
+        norm = safe_root(before)
+        strength, slope = self.strength(c, norm)
+        yielding = exceeds(q, strength, strength)
+        if not yielding.any():
+            return Return(cat([trial, plastic_strain]), s, plastic_strain, yielding, zeros_like(q))
+
         k = rows.square_factor**0.5
         stiffness = k * c.twice_shear
-        direction = s * (k / q)
-        before = rows.contraction(plastic_strain, plastic_strain)
-        along = rows.contraction(plastic_strain, direction)
+        per_size = k / q  # 1/|s_trial|
+        along = per_size * rows.contraction(plastic_strain, s)
         twice_along = 2.0 * along
 
         def residual(x: Array) -> tuple[Array, Array]:
@@ -83,14 +89,11 @@ class HardeningCell(ClassicalCell):
             excess = addcmul(q - strength, x, stiffness, value=-1.0)
             return excess, -stiffness - slope * ((along + x) / y)
 
-        norm = safe_root(before)
-        strength, slope = self.strength(c, norm)
-        yielding = exceeds(q, strength, strength)
         first = (q - strength) / (stiffness + slope * (along / norm))
         elastic = q / stiffness
         x = consistent_root(residual, yielding, first, elastic, elastic)
 
-        flowed = addcmul(plastic_strain, direction, x)
+        flowed = addcmul(plastic_strain, s, per_size * x)
         strength, _ = self.strength(c, safe_root(rows.contraction(flowed, flowed)))
         stress = where(yielding, rows.joined(p, s, strength / q), trial)
         return Return(cat([stress, flowed]), s, plastic_strain, yielding, x)

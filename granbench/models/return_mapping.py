@@ -12,7 +12,6 @@ from granbench.models.arrays import (
     Array,
     addcmul,
     at_least,
-    detached,
     minimum,
     rounding_unit,
     where,
@@ -52,7 +51,7 @@ def elastic_trial(rows: TensorRows, stress: Array, dstrain: Array, c: Constants)
     c : has the `elastic_constants`
     """
     trial = addcmul(stress, dstrain, c.twice_shear)
-    return rows.shifted(trial, c.lame * rows.trace(dstrain))
+    return addcmul(trial, rows.trace_tensor(dstrain), c.lame)
 
 
 def exceeds(value: Array, limit: Array, scale: Array) -> Array:
@@ -81,11 +80,12 @@ def consistent_root(
     -------
     (point,), NaN where no root was found
     """
+    if not torch.is_grad_enabled():
+        return where(sought, _newton(residual, sought, start, upper, scale), 0.0)
     with torch.no_grad():
-        x = _newton(residual, sought, detached(start), detached(upper), detached(scale))
-    if torch.is_grad_enabled():
-        r, slope = residual(x)
-        x = x - (r - r.detach()) / slope.detach()  # the value of x, to the last bit
+        x = _newton(residual, sought, start.detach(), upper.detach(), scale.detach())
+    r, slope = residual(x)
+    x = x - (r - r.detach()) / slope.detach()  # the value of x, to the last bit
     return where(sought, x, 0.0)
 
 
