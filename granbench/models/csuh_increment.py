@@ -125,9 +125,11 @@ class Increment:
         rows, count = self.rows, self.rows.count
         stress, hardening, void_ratio = state[:count], state[count], state[count + 1]
         p, s = rows.split(stress)
-        void_ratio_after = void_ratio - m.volume * rows.trace(dstrain)
-        dstrain = self._touching(dstrain, p, void_ratio, void_ratio_after, m)
         volumetric, de = rows.trace(dstrain), rows.deviator(dstrain)
+        void_ratio_after = void_ratio - m.volume * volumetric
+        touching = self._touching(p, void_ratio, void_ratio_after, m)
+        if touching is not None:
+            volumetric, de = touching * volumetric, touching * de
         v = m.stiffness * volumetric
         secant = (p + m.p_s) * _growth(v)
         plane = deviator_plane(rows, s, de, lode=self.flags.lode_dependent)
@@ -159,23 +161,21 @@ class Increment:
         after = cat([stress, stack([hardening, void_ratio_after]), constants])
         return Attempt(after, error)
 
-    def _touching(
-        self, dstrain: Array, p: Array, before: Array, after: Array, m: Material
-    ) -> Array:
-        """Strain without what only brings grains together that do not touch.
+    def _touching(self, p: Array, before: Array, after: Array, m: Material) -> Array | None:
+        """Share of the strain that does not only bring grains together; None where all of it is.
 
         At the floor, a void ratio beyond the loosest is that of grains apart.
         """
         apart = p <= AT_FLOOR
         if not apart.any():
-            return dstrain
+            return None
         floor = full_like(p, FLOOR)
         kappa = m.swelling * m.plastic
         loosest = reference_void_ratio(floor, floor + m.p_s, m.intercept, kappa, m.plastic, m.p_s)
         apart = apart & (before > loosest)
         closing = apart & (after < loosest)
         kept = where(closing, (loosest - after) / where(closing, before - after, 1.0), 0.0)
-        return where(apart, kept, 1.0) * dstrain
+        return where(apart, kept, 1.0)
 
     def _way(self, elastic: _ElasticLine, hardening: Array, m: Material) -> _Way:
         """How a piece goes, from the excess at both ends of its elastic line.

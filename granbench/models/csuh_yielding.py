@@ -222,10 +222,10 @@ class Yielding(NamedTuple):
         density = self.density + time * self.compaction if time else self.density
         m = self.material
         log_r = addcmul(density + log(surface), m.swelling, log(whole))
-        twelve = (36.0 * slope - 12.0) * slope
-        ratio = slope / (1.0 + sqrt(1.0 + twelve * exp(log_r)))
+        six = 6.0 * slope
+        ratio = six / (1.0 + sqrt(1.0 + (six - 2.0) * six * exp(log_r)))
         square = ratio * ratio
-        return 1296.0 * (square * square), exp(m.power * log_r)
+        return square * square, exp(m.power * log_r)
 
     def advanced(self, begin: Array) -> tuple[Array, Array]:
         """States (4, point) of p, a, b and H at the end, and the error (point,) of that.

@@ -84,9 +84,9 @@ def deviator_plane(
     lode : whether third invariants are wanted
     """
     squares = (
-        1.5 * rows.contraction(start, start),
+        rows.deviatoric_square(start),
         3.0 * rows.contraction(start, direction),
-        1.5 * rows.contraction(direction, direction),
+        rows.deviatoric_square(direction),
     )
     if not lode:
         return DeviatorPlane(*squares, *[zeros_like(squares[0])] * 4)
