@@ -77,6 +77,14 @@ def addcmul(x: Array, a: Array, b: Array, *, value: float = 1.0) -> Array:
     return x + product if value == 1.0 else x - product if value == -1.0 else x + value * product
 
 
+def contracted(weights: Array, a: Array, b: Array) -> Array:
+    """Sums (point,) over the rows of a b, each times its weight (row,)."""
+    if isinstance(a, Tensor):
+        return weights @ (a * b)
+    # The order in which NumPy's `@` sums depends on how many points there are.
+    return np.einsum("i,ij,ij->j", weights, a, b)
+
+
 def at_least(x: Array, lowest: float) -> Array:
     """x, or `lowest` where it is below; not a number stays what it is."""
     return x.clamp(min=lowest) if isinstance(x, Tensor) else np.maximum(x, lowest)

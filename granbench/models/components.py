@@ -16,6 +16,7 @@ from granbench.models.arrays import (
     Array,
     addcmul,
     at_least,
+    contracted,
     in_numpy,
     is_tensor,
     smallest_square,
@@ -32,15 +33,11 @@ class _Units(NamedTuple):
     normal : (component, 1), 1 for a normal component, 0 for a shear component
     trace : (component,), the same
     contraction : (component,), how often a component occurs in the tensor: 1 or 2
-    square : (component,), the same times q^2 / s:s
-    spherical : (component, component), what gives the trace in every normal component
     """
 
     normal: Array
     trace: Array
     contraction: Array
-    square: Array
-    spherical: Array
 
 
 class TensorRows:
@@ -76,8 +73,7 @@ class TensorRows:
         unit = torch.eye(self.count, dtype=dtype).unsqueeze(-1)
         self.deviatoric = unit - self.spherical / dimension
         trace, weight = self.normal.squeeze(-1), self.weight.squeeze(-1)
-        spherical = self.spherical.squeeze(-1)
-        units = _Units(self.normal, trace, weight, self.square_factor * weight, spherical)
+        units = _Units(self.normal, trace, weight)
         self._of_torch, self._of_numpy = units, _Units(*map(in_numpy, units))
 
     def _units(self, rows: Array) -> _Units:
@@ -92,18 +88,14 @@ class TensorRows:
         # One product with a vector of ones and zeros costs less than picking rows and adding.
         return self._units(rows).trace @ rows
 
-    def trace_tensor(self, rows: Array) -> Array:
-        """Trace times the unit tensor, (component, point)."""
-        return self._units(rows).spherical @ rows
-
     def deviator(self, rows: Array) -> Array:
         """Deviatoric part of tensors (component, point)."""
         return self.split(rows)[1]
 
     def split(self, rows: Array) -> tuple[Array, Array]:
         """Mean (point,) and deviator (component, point) of tensors (component, point)."""
-        spherical = self.trace_tensor(rows) * (1.0 / self.dimension)
-        return spherical[0], rows - spherical  # the first component is a normal one
+        mean = self.mean(rows)
+        return mean, addcmul(rows, self._units(rows).normal, mean, value=-1.0)
 
     def joined(self, mean: Array, deviator: Array, factor: Array) -> Array:
         """Tensors (component, point) of a mean and `factor` times a deviator."""
@@ -115,11 +107,11 @@ class TensorRows:
 
     def contraction(self, a: Array, b: Array) -> Array:
         """a : b of tensors (component, point), as (point,)."""
-        return self._units(a).contraction @ (a * b)
+        return contracted(self._units(a).contraction, a, b)
 
     def deviatoric_square(self, deviator: Array) -> Array:
         """q^2 of a deviator (component, point)."""
-        return self._units(deviator).square @ (deviator * deviator)
+        return self.square_factor * self.contraction(deviator, deviator)
 
     def deviatoric_stress(self, deviator: Array) -> Array:
         """q of a deviator (component, point): sqrt(3/2 s:s), or sqrt(2 s:s) in the plane.

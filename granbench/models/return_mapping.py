@@ -51,7 +51,7 @@ def elastic_trial(rows: TensorRows, stress: Array, dstrain: Array, c: Constants)
     c : has the `elastic_constants`
     """
     trial = addcmul(stress, dstrain, c.twice_shear)
-    return addcmul(trial, rows.trace_tensor(dstrain), c.lame)
+    return rows.shifted(trial, c.lame * rows.trace(dstrain))
 
 
 def exceeds(value: Array, limit: Array, scale: Array) -> Array:

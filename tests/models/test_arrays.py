@@ -23,6 +23,7 @@ CALLS = {
     "addcmul": lambda x, y, mask: arrays.addcmul(x, x, y),
     "addcmul, minus": lambda x, y, mask: arrays.addcmul(x, x, y, value=-1.0),
     "addcmul, thrice": lambda x, y, mask: arrays.addcmul(x, x, y, value=3.0),
+    "contracted": lambda x, y, mask: arrays.contracted(y[:2], x.reshape(2, 2), y.reshape(2, 2)),
     "at_least": lambda x, y, mask: arrays.at_least(x, 0.5),
     "between": lambda x, y, mask: arrays.between(x, 0.5, 2.0),
     "minimum": lambda x, y, mask: arrays.minimum(x, y),
