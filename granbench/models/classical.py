@@ -6,13 +6,15 @@ material cell follow from them here.
 
 import abc
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self, cast
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from granbench.cell import Conditions, MaterialCell, StateLayout
 from granbench.errors import ModelError, alternatives
+from granbench.models.arrays import Array, in_numpy, in_torch
 from granbench.models.components import TensorRows, tensor_rows
 from granbench.models.parameters import Constants, Parameter
 from granbench.models.substepping import Substepping
@@ -22,6 +24,19 @@ OUT_OF_PLANE = "out_of_plane_stress"
 
 BLOCK = 16384
 """Points that are updated at a time: the temporaries of an update then stay in the cache."""
+
+
+FEW_POINTS = 4096
+"""Points up to which an update without gradients is one of NumPy's arrays: see
+`granbench.models.arrays`."""
+
+
+class _Fixed(NamedTuple):
+    """Constants that were made once, of unconstrained numbers `free`, for both kinds of arrays."""
+
+    free: list[float]
+    in_torch: Constants
+    in_numpy: Constants
 
 
 class ClassicalCell(MaterialCell, torch.nn.Module):
@@ -51,6 +66,8 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
         internal variables `plastic_strain_xx` and so on, in the order of `rows`
     internal_variables : scalars beside the stress, after the tensors, under their dataset names
     substepping : how finely increments are cut; None where they are not
+    numpy_updates : whether `update` is written in `granbench.models.arrays`, so that it also takes
+        NumPy's arrays; one in torch alone is as good, but slower where points are few
 
     Raises
     ------
@@ -67,6 +84,7 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
     internal_tensors: ClassVar[tuple[str, ...]] = ()
     internal_variables: ClassVar[tuple[str, ...]] = ()
     substepping: Substepping | None = None
+    numpy_updates: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -98,7 +116,7 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
         for parameter in self.parameter_table:
             parameter.check(self.reference[parameter.name], self.name)
             self.free[parameter.name] = torch.nn.Parameter(torch.zeros((), dtype=dtype))
-        self._remembered: tuple[tuple[float, ...], Constants] | None = None
+        self._last_fixed: _Fixed | None = None
 
     @classmethod
     def _published(cls, parameter_set: str | None) -> Mapping[str, float]:
@@ -126,17 +144,26 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
 
         Tensors () or (point,).
         """
-        free = list(self.free.values())
+        fixed = self._fixed()
+        return fixed.in_torch if fixed else self._constrained(self._free_values())
+
+    def _fixed(self) -> "_Fixed | None":
+        """Constants that all points share and no gradient is wanted of; None if there are none."""
+        free = self._free_values()
         wanted = torch.is_grad_enabled() and any(value.requires_grad for value in free)
         if wanted or any(value.ndim for value in free) or torch.compiler.is_compiling():
-            return self._constrained(free)
-        # Without gradients a run asks for the same numbers at every step.
-        numbers = tuple(value.item() for value in free)
-        if self._remembered is None or self._remembered[0] != numbers:
+            return None
+        # A run asks for the same numbers at every step.
+        numbers = [value.item() for value in free]
+        if self._last_fixed is None or self._last_fixed.free != numbers:
             with torch.inference_mode(False):  # a later call may want gradients of the stress
-                remembered = self._constrained([value.detach() for value in free])
-            self._remembered = numbers, remembered
-        return self._remembered[1]
+                constants = self._constrained([value.detach() for value in free])
+            self._last_fixed = _Fixed(numbers, constants, constants.in_numpy())
+        return self._last_fixed
+
+    def _free_values(self) -> list[Tensor]:
+        # `self.free.values()` takes ten times as long.
+        return list(cast(dict[str, Tensor], self.free._parameters).values())
 
     def _constrained(self, free: Sequence[Tensor]) -> Constants:
         constants = Constants()
@@ -234,15 +261,30 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
 
     def step(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """See `MaterialCell.step`."""
-        points = len(state)
-        if points < 2 * BLOCK or torch.is_grad_enabled() or self._differs_between_points():
-            after = self.update(self._strain_rows(dstrain), state.T.contiguous())
+        fixed, points = self._fixed(), state.shape[0]
+        if fixed is None or torch.is_grad_enabled():
+            after = self.update(self._strain_rows(dstrain), state.T.contiguous(), self.constants())
+        elif self.numpy_updates and points <= FEW_POINTS and state.is_cpu:
+            return self._step_in_numpy(dstrain, state, fixed.in_numpy)
+        elif points < 2 * BLOCK:
+            after = self.update(self._strain_rows(dstrain), state.T.contiguous(), fixed.in_torch)
         else:
             after = state.new_empty(self.layout.size, points)
             for start in range(0, points, BLOCK):
                 block = slice(start, start + BLOCK)
-                after[:, block] = self.update(self._strain_rows(dstrain[block]), state[block].T)
+                strain = self._strain_rows(dstrain[block])
+                after[:, block] = self.update(strain, state[block].T, fixed.in_torch)
         return self._stress_of(after).T, after.T
+
+    def _step_in_numpy(self, dstrain: Tensor, state: Tensor, c: Constants) -> tuple[Tensor, Tensor]:
+        count = self.component_count
+        before: Any = np.ascontiguousarray(in_numpy(state).T)
+        strain: Any = np.zeros((self.rows.count, before.shape[1]), before.dtype)
+        strain[:count] = in_numpy(dstrain).T  # in plane strain zz is zero
+        # A point that cannot be followed ends as NaN without a warning, as in torch.
+        with np.errstate(all="ignore"):
+            after = self.update(strain, before, c)
+        return in_torch(after[:count].T), in_torch(after.T)
 
     def tangent(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """See `MaterialCell.tangent`; in closed form where the model has one."""
@@ -259,7 +301,7 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
         return rows[: self.component_count] if self.internals else rows
 
     def _differs_between_points(self) -> bool:
-        return any(value.ndim > 0 for value in self.free.values())
+        return any(value.ndim > 0 for value in self._free_values())
 
     def _strain_rows(self, dstrain: Tensor) -> Tensor:
         rows = dstrain.to(self.dtype).T
@@ -272,13 +314,14 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
         return self.step(dstrain, state)
 
     @abc.abstractmethod
-    def update(self, dstrain: Tensor, state: Tensor) -> Tensor:
+    def update(self, dstrain: Array, state: Array, c: Constants) -> Array:
         """State after a strain increment; the model itself.
 
         Parameters
         ----------
         dstrain : (component, point), rows as in `rows`, compression positive
         state : (n_state, point): the stress rows, Pa, then the internal variables
+        c : the model's `constants`, in the kind of arrays that the others are
 
         Returns
         -------

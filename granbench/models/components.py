@@ -6,16 +6,42 @@ contraction is all that a model has to know of the order.
 """
 
 from functools import cache
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from granbench.errors import ConfigurationError
+from granbench.models.arrays import (
+    Array,
+    addcmul,
+    at_least,
+    contracted,
+    in_numpy,
+    is_tensor,
+    smallest_square,
+    sqrt,
+)
 from granbench.tensors import COMPONENT_ORDERS
 
 
+class _Units(NamedTuple):
+    """What invariants are products with, in one kind of arrays.
+
+    Parameters
+    ----------
+    normal : (component, 1), 1 for a normal component, 0 for a shear component
+    trace : (component,), the same
+    contraction : (component,), how often a component occurs in the tensor: 1 or 2
+    """
+
+    normal: Array
+    trace: Array
+    contraction: Array
+
+
 class TensorRows:
-    """Invariants of symmetric tensors held as rows.
+    """Invariants of symmetric tensors held as rows, of torch or of NumPy.
 
     Parameters
     ----------
@@ -28,8 +54,8 @@ class TensorRows:
     ----------
     count : number of rows
     square_factor : q^2 / s:s, 3/2 or, in the plane, 2; then dq/dsigma = square_factor s/q
-    normal : (component, 1), 1 for a normal component, 0 for a shear component
-    weight : (component, 1), how often a component occurs in the tensor: 1 or 2
+    normal : (component, 1) tensor, 1 for a normal component, 0 for a shear component
+    weight : (component, 1) tensor, how often a component occurs in the tensor: 1 or 2
     spherical : (component, component, 1), I x I of Hooke's law
     deviatoric : (component, component, 1), what takes a tensor to its deviator
     """
@@ -46,40 +72,48 @@ class TensorRows:
         self.spherical = outer(self.normal, self.normal)
         unit = torch.eye(self.count, dtype=dtype).unsqueeze(-1)
         self.deviatoric = unit - self.spherical / dimension
-        self._normal_row = self.normal.squeeze(-1)
-        self._weight_row = self.weight.squeeze(-1)
+        trace, weight = self.normal.squeeze(-1), self.weight.squeeze(-1)
+        units = _Units(self.normal, trace, weight)
+        self._of_torch, self._of_numpy = units, _Units(*map(in_numpy, units))
 
-    def mean(self, rows: Tensor) -> Tensor:
+    def _units(self, rows: Array) -> _Units:
+        return self._of_torch if is_tensor(rows) else self._of_numpy
+
+    def mean(self, rows: Array) -> Array:
         """tr/dimension of tensors (component, point), as (point,)."""
         return self.trace(rows) * (1.0 / self.dimension)
 
-    def trace(self, rows: Tensor) -> Tensor:
+    def trace(self, rows: Array) -> Array:
         """Trace of tensors (component, point), as (point,)."""
         # One product with a vector of ones and zeros costs less than picking rows and adding.
-        return self._normal_row @ rows
+        return self._units(rows).trace @ rows
 
-    def deviator(self, rows: Tensor) -> Tensor:
+    def deviator(self, rows: Array) -> Array:
         """Deviatoric part of tensors (component, point)."""
         return self.split(rows)[1]
 
-    def split(self, rows: Tensor) -> tuple[Tensor, Tensor]:
+    def split(self, rows: Array) -> tuple[Array, Array]:
         """Mean (point,) and deviator (component, point) of tensors (component, point)."""
         mean = self.mean(rows)
-        return mean, torch.addcmul(rows, self.normal, mean, value=-1.0)
+        return mean, addcmul(rows, self._units(rows).normal, mean, value=-1.0)
 
-    def joined(self, mean: Tensor, deviator: Tensor, factor: Tensor) -> Tensor:
+    def joined(self, mean: Array, deviator: Array, factor: Array) -> Array:
         """Tensors (component, point) of a mean and `factor` times a deviator."""
-        return torch.addcmul(self.normal * mean, deviator, factor)
+        return addcmul(self._units(deviator).normal * mean, deviator, factor)
 
-    def contraction(self, a: Tensor, b: Tensor) -> Tensor:
+    def shifted(self, rows: Array, mean: Array) -> Array:
+        """Tensors (component, point) with so much added to their mean."""
+        return addcmul(rows, self._units(rows).normal, mean)
+
+    def contraction(self, a: Array, b: Array) -> Array:
         """a : b of tensors (component, point), as (point,)."""
-        return self._weight_row @ (a * b)
+        return contracted(self._units(a).contraction, a, b)
 
-    def deviatoric_square(self, deviator: Tensor) -> Tensor:
+    def deviatoric_square(self, deviator: Array) -> Array:
         """q^2 of a deviator (component, point)."""
         return self.square_factor * self.contraction(deviator, deviator)
 
-    def deviatoric_stress(self, deviator: Tensor) -> Tensor:
+    def deviatoric_stress(self, deviator: Array) -> Array:
         """q of a deviator (component, point): sqrt(3/2 s:s), or sqrt(2 s:s) in the plane.
 
         At least 1e-77 (3e-10 in float32), so that s/q and every gradient stay finite where the
@@ -88,9 +122,9 @@ class TensorRows:
         return safe_root(self.deviatoric_square(deviator))
 
 
-def safe_root(square: Tensor) -> Tensor:
+def safe_root(square: Array) -> Array:
     """Square root of what is not negative, at a gradient of zero, not NaN, where it vanishes."""
-    return square.clamp(min=torch.finfo(square.dtype).tiny ** 0.5).sqrt()
+    return sqrt(at_least(square, smallest_square(square)))
 
 
 def outer(a: Tensor, b: Tensor) -> Tensor:

@@ -40,6 +40,7 @@ from torch import Tensor
 
 from granbench.cell import Conditions
 from granbench.errors import ModelError
+from granbench.models.arrays import Array
 from granbench.models.classical import ClassicalCell
 from granbench.models.csuh_formulas import (
     inflection_pressure,
@@ -75,6 +76,7 @@ class CSUH(ClassicalCell):
     name = "csuh"
     title = "CSUH: critical-state unified hardening"
     pressure_dependent = True
+    numpy_updates = True
     internal_variables = ("hardening", "void_ratio", *CONSTANTS_OF_A_PATH)
     lode_dependent: ClassVar[bool] = True
     state_dependent: ClassVar[bool] = True
@@ -247,14 +249,13 @@ class CSUH(ClassicalCell):
         """p_x0, Pa: the stress lies on the first yield surface, however dense the material."""
         return through
 
-    def update(self, dstrain: Tensor, state: Tensor) -> Tensor:
+    def update(self, dstrain: Array, state: Array, c: Constants) -> Array:
         """See `ClassicalCell.update`."""
-        material = self._material(state)
+        material = self._material(state, c)
         return substepped(self._increment.advance, dstrain, state, material, self.substepping)
 
-    def _material(self, state: Tensor) -> Material:
+    def _material(self, state: Array, c: Constants) -> Material:
         """Constants of the material and of the paths whose states (n_state, point) are given."""
-        c = self.constants()
         volume = 1.0 + state[-1]
         return Material(
             sixth=c.sixth,

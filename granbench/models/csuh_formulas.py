@@ -14,6 +14,8 @@ import math
 import torch
 from torch import Tensor
 
+from granbench.models.arrays import Array, log
+
 REFERENCE_PRESSURE = 1e3
 """1 kPa, at which Z is read; Pa."""
 
@@ -60,8 +62,8 @@ def yield_gradient(
 
 
 def reference_void_ratio(
-    p: Tensor, surface: Tensor, intercept: Tensor, kappa: Tensor, plastic: Tensor, p_s: Tensor
-) -> Tensor:
+    p: Array, surface: Array, intercept: Array, kappa: Array, plastic: Array, p_s: Array
+) -> Array:
     """e_eta, the loosest void ratio at a stress (on the line of its eta).
 
     e_eta = Z - lambda ln((p + p_s)/(1 + p_s)) - (lambda - kappa) ln((A p + p_s)/(p + p_s)), sorted
@@ -75,7 +77,7 @@ def reference_void_ratio(
     kappa, plastic : kappa and lambda - kappa
     p_s : Pa
     """
-    return intercept - kappa * torch.log(p + p_s) - plastic * torch.log(surface)
+    return intercept - kappa * log(p + p_s) - plastic * log(surface)
 
 
 def intercept_in_pascal(low_intercept: Tensor, slope: Tensor, p_s: Tensor) -> Tensor:

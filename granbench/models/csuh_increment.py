@@ -21,8 +21,30 @@ p_s = 0 p decays exponentially.
 from typing import NamedTuple
 
 import torch
-from torch import Tensor
 
+from granbench.models.arrays import (
+    Array,
+    addcmul,
+    at_least,
+    between,
+    cat,
+    detached,
+    exp,
+    expm1,
+    full_like,
+    log,
+    log1p,
+    maximum,
+    minimum,
+    ones_like,
+    places,
+    replaced,
+    rounding_unit,
+    sqrt,
+    stack,
+    where,
+    zeros_like,
+)
 from granbench.models.components import TensorRows
 from granbench.models.csuh_formulas import reference_void_ratio
 from granbench.models.csuh_yielding import (
@@ -49,9 +71,9 @@ ROUNDINGS = 256.0
 class _ElasticLine(NamedTuple):
     """Elastic stresses p + x dp and s_n + x b de for the share x of a line."""
 
-    p: Tensor
-    dp: Tensor
-    b: Tensor
+    p: Array
+    dp: Array
+    b: Array
     plane: DeviatorPlane
 
 
@@ -67,20 +89,20 @@ class _Way(NamedTuple):
     lifted : what H gains where the stress is given outside of its surface
     """
 
-    elastic: Tensor
-    crossing: Tensor
-    share: Tensor
-    falls: Tensor
-    lifted: Tensor | float
+    elastic: Array
+    crossing: Array
+    share: Array
+    falls: Array
+    lifted: Array | float
 
 
 class _Ends(NamedTuple):
     """What is known of the excess on an elastic line before its root is sought."""
 
-    limit: Tensor
-    start: Tensor
-    slope: Tensor
-    last: Tensor
+    limit: Array
+    start: Array
+    slope: Array
+    last: Array
 
 
 class Increment:
@@ -98,29 +120,32 @@ class Increment:
         self.rows = rows
         self.flags = flags
 
-    def advance(self, dstrain: Tensor, state: Tensor, m: Material) -> Attempt:
+    def advance(self, dstrain: Array, state: Array, m: Material) -> Attempt:
         """See `granbench.models.substepping.substepped`."""
         rows, count = self.rows, self.rows.count
         stress, hardening, void_ratio = state[:count], state[count], state[count + 1]
         p, s = rows.split(stress)
-        void_ratio_after = void_ratio - m.volume * rows.trace(dstrain)
-        dstrain = self._touching(dstrain, p, void_ratio, void_ratio_after, m)
         volumetric, de = rows.trace(dstrain), rows.deviator(dstrain)
+        void_ratio_after = void_ratio - m.volume * volumetric
+        touching = self._touching(p, void_ratio, void_ratio_after, m)
+        if touching is not None:
+            volumetric, de = touching * volumetric, touching * de
         v = m.stiffness * volumetric
         secant = (p + m.p_s) * _growth(v)
         plane = deviator_plane(rows, s, de, lode=self.flags.lode_dependent)
         elastic = _ElasticLine(p, secant * v, secant * (m.stiffness * m.shear), plane)
         with torch.no_grad():
             way = self._way(elastic, hardening, m)
-        share = elastic_part = way.elastic.to(p.dtype)
+        one = ones_like(p)
+        share = elastic_part = where(way.elastic, one, 0.0)
         if way.crossing.any():
-            at = way.crossing.nonzero().squeeze(-1)
+            at = places(way.crossing)
             met = self._met(_taken(elastic, at), hardening[at], way.share[at], taken(m, at))
-            share = share.index_copy(0, at, met)
-            elastic_part = elastic_part.index_copy(0, at, _time(met, v[at]))
-        begin = [p + share * elastic.dp, torch.ones_like(p), share * elastic.b]
-        end = torch.stack([*begin, hardening + way.lifted])
-        error = torch.zeros_like(p, requires_grad=False)
+            share = replaced(share, at, met)
+            elastic_part = replaced(elastic_part, at, _time(met, v[at]))
+        begin = [p + share * elastic.dp, one, share * elastic.b]
+        end = stack([*begin, hardening + way.lifted])
+        error = zeros_like(p)
         if way.falls.any():
             end = floored(end, way.falls, m)
         if not way.elastic.all():
@@ -129,34 +154,30 @@ class Increment:
             compaction = -m.plasticity * rest * volumetric
             yielding = Yielding(self.flags, plane, rest, rest * volumetric, density, compaction, m)
             end, error = yielding.advanced(end)
-        p_after, a, b, hardening = end.unbind()
-        stress = torch.addcmul(stress, rows.normal, p_after - p)
-        stress = torch.addcmul(torch.addcmul(stress, s, a - 1.0), de, b)
+        p_after, a, b, hardening = end
+        stress = rows.shifted(stress, p_after - p)
+        stress = addcmul(addcmul(stress, s, a - 1.0), de, b)
         constants = state[count + 2 :]
-        after = torch.cat([stress, torch.stack([hardening, void_ratio_after]), constants])
+        after = cat([stress, stack([hardening, void_ratio_after]), constants])
         return Attempt(after, error)
 
-    def _touching(
-        self, dstrain: Tensor, p: Tensor, before: Tensor, after: Tensor, m: Material
-    ) -> Tensor:
-        """Strain without what only brings grains together that do not touch.
+    def _touching(self, p: Array, before: Array, after: Array, m: Material) -> Array | None:
+        """Share of the strain that does not only bring grains together; None where all of it is.
 
         At the floor, a void ratio beyond the loosest is that of grains apart.
         """
         apart = p <= AT_FLOOR
         if not apart.any():
-            return dstrain
-        floor = torch.full_like(p, FLOOR)
+            return None
+        floor = full_like(p, FLOOR)
         kappa = m.swelling * m.plastic
         loosest = reference_void_ratio(floor, floor + m.p_s, m.intercept, kappa, m.plastic, m.p_s)
         apart = apart & (before > loosest)
         closing = apart & (after < loosest)
-        kept = torch.where(
-            closing, (loosest - after) / torch.where(closing, before - after, 1.0), 0.0
-        )
-        return torch.where(apart, kept, 1.0) * dstrain
+        kept = where(closing, (loosest - after) / where(closing, before - after, 1.0), 0.0)
+        return where(apart, kept, 1.0)
 
-    def _way(self, elastic: _ElasticLine, hardening: Tensor, m: Material) -> _Way:
+    def _way(self, elastic: _ElasticLine, hardening: Array, m: Material) -> _Way:
         """How a piece goes, from the excess at both ends of its elastic line.
 
         The elastic region is convex and the line straight, so the signs at the ends decide:
@@ -176,47 +197,47 @@ class Increment:
         hardening : H, (point,)
         m : the material
         """
-        tiny = ROUNDINGS * torch.finfo(hardening.dtype).eps
+        tiny = ROUNDINGS * rounding_unit(hardening)
         p, dp, b, plane = elastic
         cubic = plane.cubic_0 if self.flags.lode_dependent else None
         ratio = stress_ratio(p, plane.square_0, cubic, m)
-        y = torch.minimum(ratio.y, m.steepest)
+        y = minimum(ratio.y, m.steepest)
         through = (1.0 + y) / (1.0 - m.spacing * y) * p
         size = _size(hardening, m)
         inside = through < size * (1.0 - tiny)
         outside = through > size * (1.0 + tiny)
-        lifted: Tensor | float = 0.0
+        lifted: Array | float = 0.0
         if outside.any():
-            grown = torch.where(outside, (through + m.p_s) / (size + m.p_s), 1.0)
-            lifted = torch.log(grown) / m.plasticity
-        size = torch.where(inside, size, through)
+            grown = where(outside, (through + m.p_s) / (size + m.p_s), 1.0)
+            lifted = log(grown) / m.plasticity
+        size = where(inside, size, through)
         end, b_end = p + dp, b
-        falls, limit = end < FLOOR, torch.ones_like(p)
+        falls, limit = end < FLOOR, ones_like(p)
         if falls.any():
-            limit = torch.where(falls, ((FLOOR - p) / dp).clamp(0.0, 1.0), limit)
-            end, b_end = torch.where(falls, p + limit * dp, end), limit * b
+            limit = where(falls, between((FLOOR - p) / dp, 0.0, 1.0), limit)
+            end, b_end = where(falls, p + limit * dp, end), limit * b
         square, cubic = plane.unscaled(b_end)
         last = _excess(end, size, square, self._ratio(end, square, cubic, m), m)
         whole = last <= tiny * size * end  # false where it is not a number
-        crossing, share = ~whole, torch.zeros_like(p)
+        crossing, share = ~whole, zeros_like(p)
         if crossing.any():
             slope = self._slope(elastic, share, size, plane.square_0, ratio, m)
             crossing = crossing & (inside | (slope < 0.0))
         if crossing.any():
-            at = crossing.nonzero().squeeze(-1)
+            at = places(crossing)
             start = _excess(p, size, plane.square_0, ratio, m)
             ends = _Ends(limit[at], start[at], slope[at], last[at])
             share[at] = self._root(_taken(elastic, at), size[at], taken(m, at), ends)
         return _Way(whole, crossing, share, whole & falls, lifted)
 
-    def _ratio(self, p: Tensor, square: Tensor, cubic: Tensor, m: Material) -> Ratio:
+    def _ratio(self, p: Array, square: Array, cubic: Array, m: Material) -> Ratio:
         return stress_ratio(p, square, cubic if self.flags.lode_dependent else None, m)
 
     def _on_line(
-        self, elastic: _ElasticLine, share: Tensor, size: Tensor, m: Material
-    ) -> tuple[Tensor, Tensor]:
+        self, elastic: _ElasticLine, share: Array, size: Array, m: Material
+    ) -> tuple[Array, Array]:
         """The excess on an elastic line and its slope."""
-        p, b = torch.addcmul(elastic.p, share, elastic.dp), share * elastic.b
+        p, b = addcmul(elastic.p, share, elastic.dp), share * elastic.b
         square, cubic = elastic.plane.unscaled(b)
         ratio = self._ratio(p, square, cubic, m)
         excess = _excess(p, size, square, ratio, m)
@@ -225,12 +246,12 @@ class Increment:
     def _slope(
         self,
         elastic: _ElasticLine,
-        share: Tensor,
-        size: Tensor,
-        square: Tensor,
+        share: Array,
+        size: Array,
+        square: Array,
         ratio: Ratio,
         m: Material,
-    ) -> Tensor:
+    ) -> Array:
         """Rate of the excess E along an elastic line, by the share of it.
 
         With ' for the rate, z = sin(3 theta) and 1/M proportional to 7 - z,
@@ -249,8 +270,8 @@ class Increment:
         square, ratio : q^2 and the stress ratio there
         m : the material
         """
-        one, plane = torch.ones_like(share), elastic.plane
-        p, b = torch.addcmul(elastic.p, share, elastic.dp), share * elastic.b
+        one, plane = ones_like(share), elastic.plane
+        p, b = addcmul(elastic.p, share, elastic.dp), share * elastic.b
         square_rate = plane.square_slope(one, b) * elastic.b
         stretched = m.spacing * size / p
         of_square = (1.0 + stretched) * square_rate
@@ -261,60 +282,60 @@ class Increment:
         of_square = of_square - stretched * square * elastic.dp / p
         return (2.0 * p - size) * elastic.dp + ratio.slope * ratio.slope * of_square
 
-    def _root(self, elastic: _ElasticLine, size: Tensor, m: Material, ends: _Ends) -> Tensor:
+    def _root(self, elastic: _ElasticLine, size: Array, m: Material, ends: _Ends) -> Array:
         """Share of the elastic line at which it leaves the surface, by safeguarded Newton."""
-        low, high = torch.zeros_like(size), ends.limit
+        low, high = zeros_like(size), ends.limit
         curvature = ((ends.last - ends.start) / high - ends.slope) / high
-        root = (ends.slope**2 - 4.0 * curvature * ends.start).clamp(min=0.0).sqrt()
+        root = sqrt(at_least(ends.slope**2 - 4.0 * curvature * ends.start, 0.0))
         # The root of the parabola through what is known; exact where chi = 0 and M is constant.
-        share = torch.where(
+        share = where(
             ends.slope > 0.0,
             -2.0 * ends.start / (ends.slope + root),
             (root - ends.slope) / (2.0 * curvature),
         )
         for _ in range(ROOT_ITERATIONS):
-            share = torch.where((share >= low) & (share <= high), share, 0.5 * (low + high))
+            share = where((share >= low) & (share <= high), share, 0.5 * (low + high))
             excess, slope = self._on_line(elastic, share, size, m)
             within = excess < 0.0
-            low, high = torch.where(within, share, low), torch.where(within, high, share)
+            low, high = where(within, share, low), where(within, high, share)
             step = excess / slope
             share = share - step
-            if (step.abs() < ROOT_TOLERANCE).all():
+            if (abs(step) < ROOT_TOLERANCE).all():
                 break
-        return torch.minimum(torch.maximum(share, low), high)
+        return minimum(maximum(share, low), high)
 
-    def _met(self, elastic: _ElasticLine, hardening: Tensor, share: Tensor, m: Material) -> Tensor:
+    def _met(self, elastic: _ElasticLine, hardening: Array, share: Array, m: Material) -> Array:
         """The share again, by one more Newton step, which carries the gradients."""
         excess, slope = self._on_line(elastic, share, _size(hardening, m), m)
-        return share - excess / slope.detach()
+        return share - excess / detached(slope)
 
 
-def _excess(p: Tensor, size: Tensor, square: Tensor, ratio: Ratio, m: Material) -> Tensor:
+def _excess(p: Array, size: Array, square: Array, ratio: Ratio, m: Material) -> Array:
     """p^2 - p_x p + q^2 (1 + chi p_x/p)/M^2, Pa^2: positive outside of the surface p_x = `size`."""
     reduced = ratio.slope * ratio.slope * square
-    return torch.addcmul(p * (p - size), reduced, 1.0 + m.spacing * size / p)
+    return addcmul(p * (p - size), reduced, 1.0 + m.spacing * size / p)
 
 
-def _size(hardening: Tensor, m: Material) -> Tensor:
+def _size(hardening: Array, m: Material) -> Array:
     """Size p_x of the yield surface, Pa."""
-    return m.first_size * torch.exp(hardening * m.plasticity) - m.p_s
+    return m.first_size * exp(hardening * m.plasticity) - m.p_s
 
 
-def _growth(v: Tensor) -> Tensor:
+def _growth(v: Array) -> Array:
     """(exp(v) - 1)/v."""
-    small = v.abs() < torch.finfo(v.dtype).eps ** 0.5
-    safe = torch.where(small, 1.0, v)
-    return torch.where(small, 1.0 + 0.5 * v, torch.expm1(safe) / safe)
+    small = abs(v) < rounding_unit(v) ** 0.5
+    safe = where(small, 1.0, v)
+    return where(small, 1.0 + 0.5 * v, expm1(safe) / safe)
 
 
-def _time(share: Tensor, v: Tensor) -> Tensor:
+def _time(share: Array, v: Array) -> Array:
     """Share of the strain that brings a share of the elastic stress: ln(1 + share (e^v - 1))/v."""
-    small = v.abs() < torch.finfo(v.dtype).eps ** 0.5
-    safe = torch.where(small, 1.0, v)
+    small = abs(v) < rounding_unit(v) ** 0.5
+    safe = where(small, 1.0, v)
     limit = share * (1.0 + 0.5 * v * (1.0 - share))
-    return torch.where(small, limit, torch.log1p(share * torch.expm1(safe)) / safe)
+    return where(small, limit, log1p(share * expm1(safe)) / safe)
 
 
-def _taken(elastic: _ElasticLine, points: Tensor) -> _ElasticLine:
+def _taken(elastic: _ElasticLine, points: Array) -> _ElasticLine:
     p, dp, b, plane = elastic
     return _ElasticLine(p[points], dp[points], b[points], plane.taken(points))

@@ -25,11 +25,26 @@ While a point yields f = 0 holds to the last bit, because H is read from it at t
 integrated H serves as a measure of the error.
 """
 
+import math
+from functools import reduce
 from typing import NamedTuple
 
 import torch
-from torch import Tensor
 
+from granbench.models.arrays import (
+    Array,
+    addcmul,
+    at_least,
+    cat,
+    exp,
+    log,
+    maximum,
+    minimum,
+    sqrt,
+    stack,
+    where,
+    zeros_like,
+)
 from granbench.models.lode import DeviatorPlane, lode_sin3
 from granbench.models.parameters import Constants
 from granbench.models.substepping import EmbeddedStep, runge_kutta
@@ -72,21 +87,21 @@ class Material(NamedTuple):
     first_size : p_x0 + p_s, Pa
     """
 
-    sixth: Tensor
-    spacing: Tensor
-    triple: Tensor
-    stretch: Tensor
-    steepest: Tensor
-    power: Tensor
-    plastic: Tensor
-    swelling: Tensor
-    intercept: Tensor
-    p_s: Tensor
-    shear: Tensor
-    volume: Tensor
-    stiffness: Tensor
-    plasticity: Tensor
-    first_size: Tensor
+    sixth: Array
+    spacing: Array
+    triple: Array
+    stretch: Array
+    steepest: Array
+    power: Array
+    plastic: Array
+    swelling: Array
+    intercept: Array
+    p_s: Array
+    shear: Array
+    volume: Array
+    stiffness: Array
+    plasticity: Array
+    first_size: Array
 
 
 class Flags(NamedTuple):
@@ -113,16 +128,16 @@ class Ratio(NamedTuple):
     q : Pa, never zero; 1 where M ignores the Lode angle
     """
 
-    y: Tensor
-    slope: Tensor
-    seven: Tensor | float
-    q: Tensor | float
+    y: Array
+    slope: Array
+    seven: Array | float
+    q: Array | float
 
 
-def stress_ratio(p: Tensor, square: Tensor, cubic: Tensor | None, m: Material | Constants) -> Ratio:
+def stress_ratio(p: Array, square: Array, cubic: Array | None, m: Material | Constants) -> Ratio:
     """The ratio at q^2 = `square`; `cubic` is None where M ignores the Lode angle."""
-    seven: Tensor | float = 6.0
-    q: Tensor | float = 1.0
+    seven: Array | float = 6.0
+    q: Array | float = 1.0
     if cubic is not None:
         sin3, q = lode_sin3(square, cubic)
         seven = 7.0 - sin3
@@ -147,49 +162,49 @@ class Yielding(NamedTuple):
 
     flags: Flags
     plane: DeviatorPlane
-    share: Tensor
-    volumetric: Tensor
-    density: Tensor
-    compaction: Tensor
+    share: Array
+    volumetric: Array
+    density: Array
+    compaction: Array
     material: Material
 
-    def ratio(self, p: Tensor, a: Tensor, b: Tensor) -> Ratio:
+    def ratio(self, p: Array, a: Array, b: Array) -> Ratio:
         """The stress ratio at a state."""
         cubic = self.plane.cubic(a, b) if self.flags.lode_dependent else None
         return stress_ratio(p, self.plane.square(a, b), cubic, self.material)
 
-    def rate(self, time: float, state: Tensor) -> Tensor:
+    def rate(self, time: float, state: Array) -> Array:
         """Rates (5, point) of p, a, b, H, and phi, in pseudo-time 0 ... 1; see the module."""
         m = self.material
-        p, a, b, *_ = state.unbind()
+        p, a, b, *_ = state
         y, slope, seven, q = self.ratio(p, a, b)
         cone, whole = 1.0 - m.spacing * y, p + m.p_s
-        inner = torch.addcmul(torch.addcmul(p, y, p), cone, m.p_s)
+        inner = addcmul(addcmul(p, y, p), cone, m.p_s)
         failure4, characteristic2 = self._limits(time, whole, inner / cone, slope)
         bulk = whole * m.stiffness
         shear = bulk * m.shear
         p_elastic, s_elastic = bulk * self.volumetric, shear * self.share
-        numerator = 1.0 - y * torch.addcmul(m.triple, m.spacing, y)
+        numerator = 1.0 - y * addcmul(m.triple, m.spacing, y)
         turning = self._turning(a, b, seven, q)
-        loading = torch.addcmul(numerator * p_elastic, turning, s_elastic / p).relu()
+        loading = at_least(addcmul(numerator * p_elastic, turning, s_elastic / p), 0.0)
         total, contraction = characteristic2 + y, bulk * (characteristic2 - y)
         hardening = failure4 - y * y
         stretch = m.stretch * seven * seven * y
-        elastic = torch.addcmul(numerator * contraction, stretch, shear, value=6.0)
-        modulus = torch.addcmul(total * elastic, cone * inner * m.plasticity, hardening)
+        elastic = addcmul(numerator * contraction, stretch, shear, value=6.0)
+        modulus = addcmul(total * elastic, cone * inner * m.plasticity, hardening)
         flow = loading * total / modulus
         shrinking = -3.0 * flow * shear * (slope * slope) / p
-        return torch.stack(
+        return stack(
             [
-                torch.addcmul(p_elastic, flow, contraction, value=-1.0),
+                addcmul(p_elastic, flow, contraction, value=-1.0),
                 shrinking * a,
-                torch.addcmul(s_elastic, shrinking, b),
+                addcmul(s_elastic, shrinking, b),
                 flow * hardening / total,
                 flow,
             ]
         )
 
-    def _turning(self, a: Tensor, b: Tensor, seven: Tensor | float, q: Tensor | float) -> Tensor:
+    def _turning(self, a: Array, b: Array, seven: Array | float, q: Array | float) -> Array:
         """(1 + chi)/M^2 ((7 + 2 z) dq^2/db - 2 d(q^3 z)/db/q)/(7 - z)."""
         stretch, slope = self.material.stretch, self.plane.square_slope(a, b)
         if not self.flags.lode_dependent:
@@ -198,21 +213,21 @@ class Yielding(NamedTuple):
         return stretch * seven * (straight - 2.0 * self.plane.cubic_slope(a, b) / q)
 
     def _limits(
-        self, time: float, whole: Tensor, surface: Tensor, slope: Tensor
-    ) -> tuple[Tensor | float, Tensor | float]:
+        self, time: float, whole: Array, surface: Array, slope: Array
+    ) -> tuple[Array | float, Array | float]:
         """(M_f/M)^4 and (M_c/M)^2, of p + p_s, A p + p_s and 1/M."""
         if not self.flags.state_dependent:
             return 1.0, 1.0
         # ln R = (e - e_eta)/(lambda - kappa), with e_eta sorted by its logarithms.
-        density = torch.add(self.density, self.compaction, alpha=time) if time else self.density
+        density = self.density + time * self.compaction if time else self.density
         m = self.material
-        log_r = torch.addcmul(density + torch.log(surface), m.swelling, torch.log(whole))
-        twelve = (36.0 * slope - 12.0) * slope
-        ratio = slope / (1.0 + torch.sqrt(1.0 + twelve * torch.exp(log_r)))
+        log_r = addcmul(density + log(surface), m.swelling, log(whole))
+        six = 6.0 * slope
+        ratio = six / (1.0 + sqrt(1.0 + (six - 2.0) * six * exp(log_r)))
         square = ratio * ratio
-        return 1296.0 * (square * square), torch.exp(m.power * log_r)
+        return square * square, exp(m.power * log_r)
 
-    def advanced(self, begin: Tensor) -> tuple[Tensor, Tensor]:
+    def advanced(self, begin: Array) -> tuple[Array, Array]:
         """States (4, point) of p, a, b and H at the end, and the error (point,) of that.
 
         Parameters
@@ -220,53 +235,53 @@ class Yielding(NamedTuple):
         begin : (4, point)
         """
         m = self.material
-        step = runge_kutta(self.rate, torch.cat([begin, torch.zeros_like(begin[:1])]))
-        p, a, b, hardening, _ = step.end.unbind()
+        step = runge_kutta(self.rate, cat([begin, zeros_like(begin[:1])]))
+        p, a, b, hardening, _ = step.end
         y = self.ratio(p, a, b).y
         cone = 1.0 - m.spacing * y
-        surface = torch.addcmul(m.p_s, (1.0 + y) / cone, p)
-        read = torch.log(surface / m.first_size) / m.plasticity
+        surface = addcmul(m.p_s, (1.0 + y) / cone, p)
+        read = log(surface / m.first_size) / m.plasticity
         with torch.no_grad():
             active = self.share > 0.0
-            lowest = torch.stack([p, *(stage[0] for stage in step.stages)]).amin(dim=0)
-            flow = torch.stack([rate[4] for rate in step.rates]).amin(dim=0)
+            lowest = reduce(minimum, (stage[0] for stage in step.stages), p)
+            flow = reduce(minimum, (rate[4] for rate in step.rates))
             # A softening that no strain can follow has a negative flow.
             possible = (lowest >= 0.999999 * FLOOR) & (cone > 0.0) & (flow >= 0.0)
-            error = torch.where(possible, self._error(step, read), torch.inf)
+            error = where(possible, self._error(step, read), math.inf)
             # One whose p rises at first is cut instead: the long piece misjudges it.
             falls = (begin[0] <= NEAR_FLOOR * FLOOR) & (step.rates[0][0] <= 0.0)
             ends = active & falls & (error > NEAR_FLOOR_ERROR)
-            error = torch.where(active, error, 0.0)
+            error = where(active, error, 0.0)
         if ends.any():
             # Once more without them, so that what they ran into touches no gradient.
             return self._ended(begin, ends)
         # Where unloading sets in on the way, the surface may stay behind, larger than the stress.
-        hardening = torch.where(flow > 0.0, read, torch.maximum(hardening, read))
-        hardening = torch.where(active, hardening, begin[3])
-        return torch.stack([p, a, b, hardening]), error
+        hardening = where(flow > 0.0, read, maximum(hardening, read))
+        hardening = where(active, hardening, begin[3])
+        return stack([p, a, b, hardening]), error
 
-    def _ended(self, begin: Tensor, ends: Tensor) -> tuple[Tensor, Tensor]:
+    def _ended(self, begin: Array, ends: Array) -> tuple[Array, Array]:
         """`advanced` where some points end at the floor."""
-        share = torch.where(ends, 0.0, self.share)
-        volumetric = torch.where(ends, 0.0, self.volumetric)
+        share = where(ends, 0.0, self.share)
+        volumetric = where(ends, 0.0, self.volumetric)
         others = self._replace(share=share, volumetric=volumetric)
         return others.advanced(floored(begin, ends, self.material))
 
-    def _error(self, step: EmbeddedStep, read: Tensor) -> Tensor:
+    def _error(self, step: EmbeddedStep, read: Array) -> Array:
         """Error of the stress relative to p, and of H relative to c_p."""
-        p, _, _, hardening, _ = step.end.unbind()
-        of_p, of_a, of_b, of_hardening, _ = step.error.unbind()
+        p, _, _, hardening, _ = step.end
+        of_p, of_a, of_b, of_hardening, _ = step.error
         of_s = self.plane.square(of_a, of_b)
-        drift = torch.maximum(of_hardening.abs(), (hardening - read).abs())
+        drift = maximum(abs(of_hardening), abs(hardening - read))
         relative = drift * self.material.plasticity
         size = p + PRESSURE_SCALE
-        return ((of_p * of_p + of_s) / (size * size) + relative * relative).sqrt()
+        return sqrt((of_p * of_p + of_s) / (size * size) + relative * relative)
 
 
-def floored(state: Tensor, ends: Tensor, m: Material) -> Tensor:
+def floored(state: Array, ends: Array, m: Material) -> Array:
     """States (4, point) of which some end at the floor, with a surface that holds it."""
-    least = torch.log((FLOOR + m.p_s) / m.first_size) / m.plasticity
-    p = torch.where(ends, FLOOR, state[0])
-    a, b = torch.where(ends, 0.0, state[1]), torch.where(ends, 0.0, state[2])
-    hardening = torch.where(ends, torch.maximum(state[3], least), state[3])
-    return torch.stack([p, a, b, hardening])
+    least = log((FLOOR + m.p_s) / m.first_size) / m.plasticity
+    p = where(ends, FLOOR, state[0])
+    a, b = where(ends, 0.0, state[1]), where(ends, 0.0, state[2])
+    hardening = where(ends, maximum(state[3], least), state[3])
+    return stack([p, a, b, hardening])

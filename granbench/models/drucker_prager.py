@@ -23,6 +23,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
+from granbench.models.arrays import Array, addcmul, at_least, where
 from granbench.models.classical import ClassicalCell
 from granbench.models.components import outer
 from granbench.models.parameters import Constants, Parameter
@@ -41,6 +42,7 @@ class DruckerPrager(ClassicalCell):
     name = "drucker-prager"
     title = "Drucker-Prager, perfectly plastic"
     dimension = 2
+    numpy_updates = True
     pressure_dependent = True
     holds_without_stress = True
     parameter_table = (
@@ -74,22 +76,22 @@ class DruckerPrager(ClassicalCell):
         dp_df = contraction / torch.where(stiffness > 0.0, stiffness, torch.nan)
         return {**elastic, "dp_df": dp_df}
 
-    def update(self, dstrain: Tensor, state: Tensor) -> Tensor:
+    def update(self, dstrain: Array, state: Array, c: Constants) -> Array:
         """See `ClassicalCell.update`."""
-        return self._return(self.constants(), dstrain, state)[0]
+        return self._return(c, dstrain, state)[0]
 
-    def _return(self, c: Constants, dstrain: Tensor, state: Tensor) -> tuple[Tensor, ...]:
+    def _return(self, c: Constants, dstrain: Array, state: Array) -> tuple[Array, ...]:
         """Stress after the return, s_trial, where it yields, and p and q/q_trial there."""
         rows = self.rows
         trial = elastic_trial(rows, state, dstrain, c)
         p, s = rows.split(trial)
         q = rows.deviatoric_stress(s)
         yielding = exceeds(q, c.friction_slope * p + NO_STRESS, q)
-        f = torch.addcmul(q, c.friction_slope, p, value=-1.0)
-        on_cone = torch.addcmul(p, f, c.dp_df)
-        returned = on_cone.clamp(min=0.0)  # below is the apex, p = 0: zero to the last bit
+        f = addcmul(q, c.friction_slope, p, value=-1.0)
+        on_cone = addcmul(p, f, c.dp_df)
+        returned = at_least(on_cone, 0.0)  # below is the apex, p = 0: zero to the last bit
         ratio = c.friction_slope * returned / q
-        after = torch.where(yielding, rows.joined(returned, s, ratio), trial)
+        after = where(yielding, rows.joined(returned, s, ratio), trial)
         return after, s, yielding, returned, ratio
 
     def update_and_tangent(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:

@@ -28,12 +28,24 @@ It is made twice: with E of the state before, then with E at the middle of the e
 gave, so that the stiffness is followed to second order.
 """
 
+import math
 from collections.abc import Mapping
 from typing import ClassVar
 
 import torch
 from torch import Tensor
 
+from granbench.models.arrays import (
+    Array,
+    addcmul,
+    at_least,
+    cat,
+    minimum,
+    power,
+    rounding_unit,
+    where,
+    zeros_like,
+)
 from granbench.models.classical import ClassicalCell
 from granbench.models.components import safe_root
 from granbench.models.parameters import Constants, Parameter
@@ -64,6 +76,7 @@ class EnhancedIME(ClassicalCell):
 
     name = "enhanced-ime"
     title = "Enhanced IME: friction, dilation, changing stiffness"
+    numpy_updates = True
     parameter_table = (
         Parameter("young_modulus", "E_0", "Pa", "first Young's modulus"),
         Parameter("poisson_ratio", "nu", "1", "Poisson's ratio", -1.0, 0.5),
@@ -120,19 +133,19 @@ class EnhancedIME(ClassicalCell):
             "potential_slope": c.flow_slope + c.pressure_slope,
         }
 
-    def update(self, dstrain: Tensor, state: Tensor) -> Tensor:
+    def update(self, dstrain: Array, state: Array, c: Constants) -> Array:
         """See `ClassicalCell.update`."""
-        c, rows = self.constants(), self.rows
+        rows = self.rows
         compaction = rows.trace(state[rows.count :])
-        start = torch.zeros_like(compaction)
+        start = zeros_like(compaction)
         after, mu = self._return(c, self._elastic(c, compaction), dstrain, state, start)
         middle = 0.5 * (compaction + rows.trace(after[rows.count :]))
         after, _ = self._return(c, self._elastic(c, middle), dstrain, state, mu)
         return after
 
-    def _elastic(self, c: Constants, compaction: Tensor) -> Constants:
+    def _elastic(self, c: Constants, compaction: Array) -> Constants:
         """Constants of Hooke's law (point,) at a plastic volumetric strain (point,), Eq 7.16."""
-        young = c.young_modulus * torch.pow(1.0 + compaction, c.stiffness_exponent)
+        young = c.young_modulus * power(1.0 + compaction, c.stiffness_exponent)
         moduli = elastic_constants(c.bulk_share * young, c.shear_share * young, 3)
         return Constants(**moduli)
 
@@ -140,10 +153,10 @@ class EnhancedIME(ClassicalCell):
         self,
         c: Constants,
         elastic: Constants,
-        dstrain: Tensor,
-        state: Tensor,
-        start: Tensor,
-    ) -> tuple[Tensor, Tensor]:
+        dstrain: Array,
+        state: Array,
+        start: Array,
+    ) -> tuple[Array, Array]:
         """State after the return of a trial stress with given moduli, and mu, sought from `start`.
 
         Where the material has more than doubled its volume, Eq 7.16 has no stiffness: NaN.
@@ -160,63 +173,63 @@ class EnhancedIME(ClassicalCell):
         stiffness = 1.5 * elastic.twice_shear
         used_up = q / stiffness
 
-        def swept(mu: Tensor) -> tuple[Tensor, Tensor]:
+        def swept(mu: Array) -> tuple[Array, Array]:
             """t and d eps_v^p of the module."""
-            t = torch.minimum(mu, used_up)
+            t = minimum(mu, used_up)
             return t, c.potential_slope * t + c.pressure_slope * (mu - t)
 
-        def residual(mu: Tensor) -> tuple[Tensor, Tensor]:
+        def residual(mu: Array) -> tuple[Array, Array]:
             t, volume = swept(mu)
             at_apex = mu >= used_up
             shear = safe_root((before + t * (2.0 * along + 1.5 * t)) / 1.5)
             strength, by_shear, by_volume = self._strength(c, shear, compaction + volume)
             excess = c.pressure_slope * (p - elastic.bulk * volume) + q - stiffness * t - strength
-            volume_rate = torch.where(at_apex, c.pressure_slope, c.potential_slope)
+            volume_rate = where(at_apex, c.pressure_slope, c.potential_slope)
             shear_rate = (along + 1.5 * t) / (1.5 * shear)
             slope = (c.pressure_slope * elastic.bulk + by_volume) * volume_rate
-            return excess, -slope - torch.where(at_apex, 0.0, stiffness + by_shear * shear_rate)
+            return excess, -slope - where(at_apex, 0.0, stiffness + by_shear * shear_rate)
 
         strength = self._strength(c, safe_root(before / 1.5), compaction)[0]
         limit = strength - c.pressure_slope * p
         yielding = exceeds(q, limit, q + strength)
         # Past the deviator, p alone brings r down to -H - sigma_0.
-        left = (c.pressure_slope * (p - elastic.bulk * c.potential_slope * used_up)).clamp(min=0.0)
+        left = at_least(c.pressure_slope * (p - elastic.bulk * c.potential_slope * used_up), 0.0)
         along_axis = left / (elastic.bulk * c.pressure_slope**2 + TINY)
         scale = (q + strength) / stiffness
         mu = consistent_root(residual, yielding, start, used_up + along_axis, scale)
 
         t, volume = swept(mu)
-        flowed = torch.addcmul(plastic_strain, direction, t)
-        flowed = torch.addcmul(flowed, rows.normal, volume / 3.0)
+        flowed = addcmul(plastic_strain, direction, t)
+        flowed = rows.shifted(flowed, volume / 3.0)
         # The strength of the rows as the next step will find them puts f at zero to rounding.
         compaction, sheared = self._compaction_and_shear(flowed)
         shear = safe_root(rows.contraction(sheared, sheared) / 1.5)
         strength = self._strength(c, shear, compaction)[0]
-        slope = torch.where(c.pressure_slope.abs() < LEAST_SLOPE, 1.0, c.pressure_slope)
-        p = torch.where(mu > used_up, strength / slope, p - elastic.bulk * volume)
-        ratio = (strength - c.pressure_slope * p).clamp(min=0.0) / q
-        stress = torch.where(yielding, rows.joined(p, s, ratio), trial)
-        stress = torch.where(compaction > -1.0, stress, torch.nan)
-        return torch.cat([stress, flowed]), mu
+        slope = where(abs(c.pressure_slope) < LEAST_SLOPE, 1.0, c.pressure_slope)
+        p = where(mu > used_up, strength / slope, p - elastic.bulk * volume)
+        ratio = at_least(strength - c.pressure_slope * p, 0.0) / q
+        stress = where(yielding, rows.joined(p, s, ratio), trial)
+        stress = where(compaction > -1.0, stress, math.nan)
+        return cat([stress, flowed]), mu
 
-    def _compaction_and_shear(self, plastic_strain: Tensor) -> tuple[Tensor, Tensor]:
+    def _compaction_and_shear(self, plastic_strain: Array) -> tuple[Array, Array]:
         """eps_v^p (point,) and e^p (component, point)."""
         third, sheared = self.rows.split(plastic_strain)
         return 3.0 * third, sheared
 
     def _strength(
-        self, c: Constants, shear: Tensor, compaction: Tensor
-    ) -> tuple[Tensor, Tensor, Tensor]:
+        self, c: Constants, shear: Array, compaction: Array
+    ) -> tuple[Array, Array, Array]:
         """H + sigma_0 and its derivatives by eps_s^p and eps_v^p, Pa (Eq 7.18)."""
         sheared = c.shear_hardening_strain + shear
-        by_shear = c.shear_hardening_modulus * torch.pow(sheared, c.shear_hardening_exponent)
-        compacts = compaction > KINK_ROUNDINGS * torch.finfo(compaction.dtype).eps
-        compacted = c.volumetric_hardening_strain + torch.where(compacts, compaction, 0.0)
-        by_volume = c.volumetric_hardening_modulus * torch.pow(
+        by_shear = c.shear_hardening_modulus * power(sheared, c.shear_hardening_exponent)
+        compacts = compaction > KINK_ROUNDINGS * rounding_unit(compaction)
+        compacted = c.volumetric_hardening_strain + where(compacts, compaction, 0.0)
+        by_volume = c.volumetric_hardening_modulus * power(
             compacted, c.volumetric_hardening_exponent
         )
         return (
             c.yield_stress + by_shear + by_volume,
             c.shear_hardening_exponent * by_shear / sheared,
-            torch.where(compacts, c.volumetric_hardening_exponent * by_volume / compacted, 0.0),
+            where(compacts, c.volumetric_hardening_exponent * by_volume / compacted, 0.0),
         )

@@ -24,6 +24,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from granbench.models.arrays import Array, addcmul, cat, where, zeros_like
 from granbench.models.classical import ClassicalCell
 from granbench.models.components import outer, safe_root
 from granbench.models.parameters import Constants
@@ -42,56 +43,60 @@ class Return(NamedTuple):
     flow : x of the module, (point,)
     """
 
-    after: Tensor
-    deviator: Tensor
-    plastic_strain: Tensor
-    yielding: Tensor
-    flow: Tensor
+    after: Array
+    deviator: Array
+    plastic_strain: Array
+    yielding: Array
+    flow: Array
 
 
 class HardeningCell(ClassicalCell):
     """See the module."""
 
     internal_tensors = ("plastic_strain",)
+    numpy_updates = True
 
     @abc.abstractmethod
-    def strength(self, c: Constants, norm: Tensor) -> tuple[Tensor, Tensor]:
+    def strength(self, c: Constants, norm: Array) -> tuple[Array, Array]:
         """Yield stress Y at a norm of the plastic strain (point,), and its slope Y', Pa."""
 
-    def update(self, dstrain: Tensor, state: Tensor) -> Tensor:
+    def update(self, dstrain: Array, state: Array, c: Constants) -> Array:
         """See `ClassicalCell.update`."""
-        return self._return(self.constants(), dstrain, state).after
+        return self._return(c, dstrain, state).after
 
-    def _return(self, c: Constants, dstrain: Tensor, state: Tensor) -> Return:
+    def _return(self, c: Constants, dstrain: Array, state: Array) -> Return:
         rows = self.rows
         stress, plastic_strain = state[: rows.count], state[rows.count :]
         trial = elastic_trial(rows, stress, dstrain, c)
         p, s = rows.split(trial)
         q = rows.deviatoric_stress(s)
-        k = rows.square_factor**0.5
-        stiffness = k * c.twice_shear
-        direction = s * (k / q)
         before = rows.contraction(plastic_strain, plastic_strain)
-        along = rows.contraction(plastic_strain, direction)
-        twice_along = 2.0 * along
-
-        def residual(x: Tensor) -> tuple[Tensor, Tensor]:
-            y = safe_root(torch.addcmul(before, x, x + twice_along))
-            strength, slope = self.strength(c, y)
-            excess = torch.addcmul(q - strength, x, stiffness, value=-1.0)
-            return excess, -stiffness - slope * ((along + x) / y)
-
         norm = safe_root(before)
         strength, slope = self.strength(c, norm)
         yielding = exceeds(q, strength, strength)
+        if not yielding.any():
+            return Return(cat([trial, plastic_strain]), s, plastic_strain, yielding, zeros_like(q))
+
+        k = rows.square_factor**0.5
+        stiffness = k * c.twice_shear
+        per_size = k / q  # 1/|s_trial|
+        along = per_size * rows.contraction(plastic_strain, s)
+        twice_along = 2.0 * along
+
+        def residual(x: Array) -> tuple[Array, Array]:
+            y = safe_root(addcmul(before, x, x + twice_along))
+            strength, slope = self.strength(c, y)
+            excess = addcmul(q - strength, x, stiffness, value=-1.0)
+            return excess, -stiffness - slope * ((along + x) / y)
+
         first = (q - strength) / (stiffness + slope * (along / norm))
         elastic = q / stiffness
         x = consistent_root(residual, yielding, first, elastic, elastic)
 
-        flowed = torch.addcmul(plastic_strain, direction, x)
+        flowed = addcmul(plastic_strain, s, per_size * x)
         strength, _ = self.strength(c, safe_root(rows.contraction(flowed, flowed)))
-        stress = torch.where(yielding, rows.joined(p, s, strength / q), trial)
-        return Return(torch.cat([stress, flowed]), s, plastic_strain, yielding, x)
+        stress = where(yielding, rows.joined(p, s, strength / q), trial)
+        return Return(cat([stress, flowed]), s, plastic_strain, yielding, x)
 
     def update_and_tangent(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """See `ClassicalCell.update_and_tangent`.

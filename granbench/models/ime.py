@@ -12,9 +12,9 @@ differ in sigma_0 only; both are parameter sets.
 from collections.abc import Mapping
 from typing import ClassVar
 
-import torch
 from torch import Tensor
 
+from granbench.models.arrays import Array, power
 from granbench.models.hardening import HardeningCell
 from granbench.models.parameters import Constants, Parameter
 from granbench.models.return_mapping import elastic_constants
@@ -53,8 +53,8 @@ class IME(HardeningCell):
         shear = c.young_modulus / (2.0 + 2.0 * c.poisson_ratio)
         return elastic_constants(bulk, shear, self.rows.dimension)
 
-    def strength(self, c: Constants, norm: Tensor) -> tuple[Tensor, Tensor]:
+    def strength(self, c: Constants, norm: Array) -> tuple[Array, Array]:
         """See `HardeningCell.strength`."""
         hardened = norm + c.hardening_strain
-        hardening = c.hardening_modulus * torch.pow(hardened, c.hardening_exponent)
+        hardening = c.hardening_modulus * power(hardened, c.hardening_exponent)
         return c.yield_stress + hardening, c.hardening_exponent * hardening / hardened

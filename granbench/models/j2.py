@@ -15,6 +15,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
+from granbench.models.arrays import Array, where
 from granbench.models.classical import ClassicalCell
 from granbench.models.components import outer
 from granbench.models.parameters import Constants, Parameter
@@ -27,6 +28,7 @@ class J2(ClassicalCell):
     name = "j2"
     title = "J2, perfectly plastic"
     dimension = 2
+    numpy_updates = True
     parameter_table = (
         Parameter("bulk_modulus", "K", "Pa", "bulk modulus"),
         Parameter("shear_modulus", "G", "Pa", "shear modulus"),
@@ -45,11 +47,11 @@ class J2(ClassicalCell):
         """See `ClassicalCell.derived`."""
         return elastic_constants(c.bulk_modulus, c.shear_modulus, self.rows.dimension)
 
-    def update(self, dstrain: Tensor, state: Tensor) -> Tensor:
+    def update(self, dstrain: Array, state: Array, c: Constants) -> Array:
         """See `ClassicalCell.update`."""
-        return self._return(self.constants(), dstrain, state)[0]
+        return self._return(c, dstrain, state)[0]
 
-    def _return(self, c: Constants, dstrain: Tensor, state: Tensor) -> tuple[Tensor, ...]:
+    def _return(self, c: Constants, dstrain: Array, state: Array) -> tuple[Array, ...]:
         """Stress after the return, s_trial, where it yields, and sigma_Y/q_trial there."""
         rows = self.rows
         trial = elastic_trial(rows, state, dstrain, c)
@@ -57,7 +59,7 @@ class J2(ClassicalCell):
         q = rows.deviatoric_stress(s)
         yielding = exceeds(q, c.yield_stress, c.yield_stress)
         ratio = c.yield_stress / q
-        after = torch.where(yielding, rows.joined(p, s, ratio), trial)
+        after = where(yielding, rows.joined(p, s, ratio), trial)
         return after, s, yielding, ratio
 
     def update_and_tangent(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:

@@ -10,9 +10,9 @@ with 3-D components p = tr/3 and q = sqrt(3/2 s:s). The first yield stress is A 
 from collections.abc import Mapping
 from typing import ClassVar
 
-import torch
 from torch import Tensor
 
+from granbench.models.arrays import Array, power
 from granbench.models.hardening import HardeningCell
 from granbench.models.parameters import Constants, Parameter
 from granbench.models.return_mapping import elastic_constants
@@ -46,8 +46,8 @@ class J2Hardening(HardeningCell):
         """See `ClassicalCell.derived`."""
         return elastic_constants(c.bulk_modulus, c.shear_modulus, self.rows.dimension)
 
-    def strength(self, c: Constants, norm: Tensor) -> tuple[Tensor, Tensor]:
+    def strength(self, c: Constants, norm: Array) -> tuple[Array, Array]:
         """See `HardeningCell.strength`."""
         hardened = norm + c.hardening_strain
-        strength = c.hardening_modulus * torch.pow(hardened, c.hardening_exponent)
+        strength = c.hardening_modulus * power(hardened, c.hardening_exponent)
         return strength, c.hardening_exponent * strength / hardened

@@ -7,9 +7,7 @@ and b with coefficients that are computed once.
 
 from typing import NamedTuple
 
-import torch
-from torch import Tensor
-
+from granbench.models.arrays import Array, addcmul, at_least, stack, zeros_like
 from granbench.models.components import TensorRows, safe_root
 
 ISOTROPIC = 1e-3
@@ -22,60 +20,60 @@ class DeviatorPlane(NamedTuple):
     Parameters
     ----------
     square_0, square_1, square_2 : of q^2 = 3/2 s:s in a^2, a b and b^2
-    cubic_0, ... cubic_3 : of q^3 sin(3 theta) = 27/2 det(s) in a^3, a^2 b, a b^2 and b^3; empty
+    cubic_0, ... cubic_3 : of q^3 sin(3 theta) = 27/2 det(s) in a^3, a^2 b, a b^2 and b^3; zero
         where the Lode angle was not asked for
     """
 
-    square_0: Tensor
-    square_1: Tensor
-    square_2: Tensor
-    cubic_0: Tensor
-    cubic_1: Tensor
-    cubic_2: Tensor
-    cubic_3: Tensor
+    square_0: Array
+    square_1: Array
+    square_2: Array
+    cubic_0: Array
+    cubic_1: Array
+    cubic_2: Array
+    cubic_3: Array
 
-    def square(self, a: Tensor, b: Tensor) -> Tensor:
+    def square(self, a: Array, b: Array) -> Array:
         """q^2."""
-        first = a * torch.addcmul(a * self.square_0, b, self.square_1)
-        return torch.addcmul(first, b * b, self.square_2)
+        first = a * addcmul(a * self.square_0, b, self.square_1)
+        return addcmul(first, b * b, self.square_2)
 
-    def square_slope(self, a: Tensor, b: Tensor) -> Tensor:
+    def square_slope(self, a: Array, b: Array) -> Array:
         """d(q^2)/db, which is 3 s:d."""
-        return torch.addcmul(a * self.square_1, b, self.square_2, value=2.0)
+        return addcmul(a * self.square_1, b, self.square_2, value=2.0)
 
-    def cubic(self, a: Tensor, b: Tensor) -> Tensor:
+    def cubic(self, a: Array, b: Array) -> Array:
         """q^3 sin(3 theta)."""
-        first = a * a * torch.addcmul(a * self.cubic_0, b, self.cubic_1)
-        return torch.addcmul(first, b * b, torch.addcmul(a * self.cubic_2, b, self.cubic_3))
+        first = a * a * addcmul(a * self.cubic_0, b, self.cubic_1)
+        return addcmul(first, b * b, addcmul(a * self.cubic_2, b, self.cubic_3))
 
-    def cubic_slope(self, a: Tensor, b: Tensor) -> Tensor:
+    def cubic_slope(self, a: Array, b: Array) -> Array:
         """d(q^3 sin(3 theta))/db."""
-        first = a * torch.addcmul(a * self.cubic_1, b, self.cubic_2, value=2.0)
-        return torch.addcmul(first, b * b, self.cubic_3, value=3.0)
+        first = a * addcmul(a * self.cubic_1, b, self.cubic_2, value=2.0)
+        return addcmul(first, b * b, self.cubic_3, value=3.0)
 
-    def unscaled(self, b: Tensor) -> tuple[Tensor, Tensor]:
+    def unscaled(self, b: Array) -> tuple[Array, Array]:
         """`square` and `cubic` at a = 1."""
-        square = torch.addcmul(self.square_1, b, self.square_2)
-        cubic = torch.addcmul(self.cubic_2, b, self.cubic_3)
-        cubic = torch.addcmul(self.cubic_1, b, cubic)
-        return torch.addcmul(self.square_0, b, square), torch.addcmul(self.cubic_0, b, cubic)
+        square = addcmul(self.square_1, b, self.square_2)
+        cubic = addcmul(self.cubic_2, b, self.cubic_3)
+        cubic = addcmul(self.cubic_1, b, cubic)
+        return addcmul(self.square_0, b, square), addcmul(self.cubic_0, b, cubic)
 
-    def taken(self, points: Tensor) -> "DeviatorPlane":
+    def taken(self, points: Array) -> "DeviatorPlane":
         """The same of some points."""
         return DeviatorPlane(*(value[points] for value in self))
 
 
-def lode_sin3(square: Tensor, cubic: Tensor) -> tuple[Tensor, Tensor]:
+def lode_sin3(square: Array, cubic: Array) -> tuple[Array, Array]:
     """Sin(3 theta) from q^2 and q^3 sin(3 theta), and q, never zero.
 
     +1 in triaxial compression and, by convention, at an isotropic stress.
     """
     q = safe_root(square)
-    return (cubic + ISOTROPIC**3) / (square * q).clamp(min=ISOTROPIC**3), q
+    return (cubic + ISOTROPIC**3) / at_least(square * q, ISOTROPIC**3), q
 
 
 def deviator_plane(
-    rows: TensorRows, start: Tensor, direction: Tensor, *, lode: bool
+    rows: TensorRows, start: Array, direction: Array, *, lode: bool
 ) -> DeviatorPlane:
     """The plane of two deviators.
 
@@ -86,12 +84,12 @@ def deviator_plane(
     lode : whether third invariants are wanted
     """
     squares = (
-        1.5 * rows.contraction(start, start),
+        rows.deviatoric_square(start),
         3.0 * rows.contraction(start, direction),
-        1.5 * rows.contraction(direction, direction),
+        rows.deviatoric_square(direction),
     )
     if not lode:
-        return DeviatorPlane(*squares, *[start.new_empty(start.shape[1])] * 4)
+        return DeviatorPlane(*squares, *[zeros_like(squares[0])] * 4)
     of_start, of_direction = _cofactor(rows, start), _cofactor(rows, direction)
     return DeviatorPlane(
         *squares,
@@ -102,16 +100,16 @@ def deviator_plane(
     )
 
 
-def _cofactor(rows: TensorRows, tensor: Tensor) -> Tensor:
+def _cofactor(rows: TensorRows, tensor: Array) -> Array:
     """Derivative of det with respect to a symmetric tensor, (component, point)."""
     if rows.count == 3:
-        x, y, z = tensor.unbind()
-        return torch.stack([y * z, z * x, x * y])
+        x, y, z = tensor
+        return stack([y * z, z * x, x * y])
     if rows.count == 4:
-        x, y, xy, z = tensor.unbind()
-        return torch.stack([y * z, x * z, -xy * z, x * y - xy * xy])
-    x, y, z, yz, xz, xy = tensor.unbind()
-    return torch.stack(
+        x, y, xy, z = tensor
+        return stack([y * z, x * z, -xy * z, x * y - xy * xy])
+    x, y, z, yz, xz, xy = tensor
+    return stack(
         [
             y * z - yz * yz,
             x * z - xz * xz,

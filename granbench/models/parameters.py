@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from granbench.errors import ModelError
+from granbench.models.arrays import Array, in_numpy
 
 
 @dataclass(frozen=True)
@@ -94,14 +95,18 @@ def _sigmoid(number: float, dtype: torch.dtype) -> float:
 
 
 class Constants:
-    """A model's parameters and what follows from them, by name: tensors () or (point,)."""
+    """A model's parameters and what follows from them, by name: () or (point,) each."""
 
     # A SimpleNamespace would be the same, but torch.compile cannot follow it.
-    def __init__(self, **values: Tensor) -> None:
+    def __init__(self, **values: Array) -> None:
         vars(self).update(values)
+
+    def in_numpy(self) -> "Constants":
+        """The same as NumPy's arrays."""
+        return Constants(**{name: in_numpy(value) for name, value in vars(self).items()})
 
     if TYPE_CHECKING:
 
-        def __getattr__(self, name: str) -> Tensor: ...
+        def __getattr__(self, name: str) -> Array: ...
 
-        def __setattr__(self, name: str, value: Tensor) -> None: ...
+        def __setattr__(self, name: str, value: Array) -> None: ...

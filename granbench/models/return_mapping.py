@@ -3,11 +3,20 @@
 Units and signs are those of the models: Pa, compression positive, rows (component, point).
 """
 
+import math
 from collections.abc import Callable
 
 import torch
-from torch import Tensor
 
+from granbench.models.arrays import (
+    Array,
+    addcmul,
+    at_least,
+    minimum,
+    rounding_unit,
+    where,
+    zeros_like,
+)
 from granbench.models.components import TensorRows
 from granbench.models.parameters import Constants
 
@@ -23,17 +32,17 @@ LAST_STEP = 1e-6
 """Newton step, relative to the scale of x, after which none follows: the next would be of the
 size of its square."""
 
-Residual = Callable[[Tensor], tuple[Tensor, Tensor]]
+Residual = Callable[[Array], tuple[Array, Array]]
 """Value and slope of a residual at x (point,)."""
 
 
-def elastic_constants(bulk: Tensor, shear: Tensor, dimension: int) -> dict[str, Tensor]:
+def elastic_constants(bulk: Array, shear: Array, dimension: int) -> dict[str, Array]:
     """Constants of Hooke's law, Pa: `bulk`, `twice_shear` and Lame's `lame`."""
     twice_shear = 2.0 * shear
     return {"bulk": bulk, "twice_shear": twice_shear, "lame": bulk - twice_shear / dimension}
 
 
-def elastic_trial(rows: TensorRows, stress: Tensor, dstrain: Tensor, c: Constants) -> Tensor:
+def elastic_trial(rows: TensorRows, stress: Array, dstrain: Array, c: Constants) -> Array:
     """Stress (component, point) if the strain increment were elastic; exact where it is zero.
 
     Parameters
@@ -41,18 +50,18 @@ def elastic_trial(rows: TensorRows, stress: Tensor, dstrain: Tensor, c: Constant
     stress, dstrain : (component, point)
     c : has the `elastic_constants`
     """
-    trial = torch.addcmul(stress, dstrain, c.twice_shear)
-    return torch.addcmul(trial, rows.normal, c.lame * rows.trace(dstrain))
+    trial = addcmul(stress, dstrain, c.twice_shear)
+    return rows.shifted(trial, c.lame * rows.trace(dstrain))
 
 
-def exceeds(value: Tensor, limit: Tensor, scale: Tensor) -> Tensor:
+def exceeds(value: Array, limit: Array, scale: Array) -> Array:
     """Where `value` (point,) is above `limit` by more than the rounding of numbers like `scale`."""
-    return value > torch.add(limit, scale, alpha=ROUNDINGS * torch.finfo(value.dtype).eps)
+    return value > limit + (ROUNDINGS * rounding_unit(value)) * scale
 
 
 def consistent_root(
-    residual: Residual, sought: Tensor, start: Tensor, upper: Tensor, scale: Tensor
-) -> Tensor:
+    residual: Residual, sought: Array, start: Array, upper: Array, scale: Array
+) -> Array:
     """Root x in [0, upper] of a consistency equation, point by point.
 
     Newton's method without gradients; where it does not arrive in a few iterations, Newton's
@@ -71,22 +80,21 @@ def consistent_root(
     -------
     (point,), NaN where no root was found
     """
+    if not torch.is_grad_enabled():
+        return where(sought, _newton(residual, sought, start, upper, scale), 0.0)
     with torch.no_grad():
         x = _newton(residual, sought, start.detach(), upper.detach(), scale.detach())
-    if torch.is_grad_enabled():
-        r, slope = residual(x)
-        x = x - (r - r.detach()) / slope.detach()  # the value of x, to the last bit
-    return torch.where(sought, x, 0.0)
+    r, slope = residual(x)
+    x = x - (r - r.detach()) / slope.detach()  # the value of x, to the last bit
+    return where(sought, x, 0.0)
 
 
-def _newton(
-    residual: Residual, sought: Tensor, start: Tensor, upper: Tensor, scale: Tensor
-) -> Tensor:
-    x = torch.minimum(start.clamp(min=0.0), upper)
+def _newton(residual: Residual, sought: Array, start: Array, upper: Array, scale: Array) -> Array:
+    x = minimum(at_least(start, 0.0), upper)
     for _ in range(PLAIN_ITERATIONS):
         r, slope = residual(x)
-        closer = torch.minimum((x - r / slope).clamp(min=0.0), upper)
-        change = ((closer - x) / scale).abs().amax()
+        closer = minimum(at_least(x - r / slope, 0.0), upper)
+        change = abs((closer - x) / scale).max()
         x = closer
         # Where nothing is sought r < 0: x stays zero.
         if change <= LAST_STEP:
@@ -94,17 +102,17 @@ def _newton(
     return _safeguarded(residual, sought, upper, scale)
 
 
-def _safeguarded(residual: Residual, sought: Tensor, upper: Tensor, scale: Tensor) -> Tensor:
-    x = low = torch.zeros_like(upper)
+def _safeguarded(residual: Residual, sought: Array, upper: Array, scale: Array) -> Array:
+    x = low = zeros_like(upper)
     high = upper
     for _ in range(SAFE_ITERATIONS):
         r, slope = residual(x)
-        low, high = torch.where(r > 0.0, x, low), torch.where(r > 0.0, high, x)
+        low, high = where(r > 0.0, x, low), where(r > 0.0, high, x)
         newton = x - r / slope
         inside = (newton >= low) & (newton <= high)
-        closer = torch.where(inside, newton, 0.5 * (low + high))
-        unsolved = sought & ((closer - x).abs() > LAST_STEP * scale)
-        x = torch.where(sought, closer, 0.0)
+        closer = where(inside, newton, 0.5 * (low + high))
+        unsolved = sought & (abs(closer - x) > LAST_STEP * scale)
+        x = where(sought, closer, 0.0)
         if not unsolved.any():
             return x
-    return torch.where(unsolved, torch.nan, x)
+    return where(unsolved, math.nan, x)

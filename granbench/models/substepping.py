@@ -18,14 +18,27 @@ Fehlberg's RK2(3) (Hairer, Norsett & Wanner 1993, Sec II.4), whose third-order p
 Shu & Osher's.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 import torch
-from torch import Tensor
 
-Constants = TypeVar("Constants", bound=tuple[Tensor, ...])
+from granbench.models.arrays import (
+    Array,
+    between,
+    full_like,
+    gradients_wanted,
+    isfinite,
+    isnan,
+    places,
+    replaced,
+    where,
+    zeros_like,
+)
+
+Constants = TypeVar("Constants", bound=tuple[Array, ...])
 
 SAFETY = 0.9
 LEAST_FACTOR = 0.1
@@ -42,8 +55,8 @@ class Attempt(NamedTuple):
     error : (point,), without gradient, relative; not finite where the piece is impossible
     """
 
-    state: Tensor
-    error: Tensor
+    state: Array
+    error: Array
 
 
 @dataclass(frozen=True)
@@ -66,20 +79,20 @@ class Substepping:
 class _Piece:
     """An accepted piece of some points: their places among those that are cut, and its size."""
 
-    points: Tensor
-    size: Tensor
+    points: Array
+    size: Array
 
 
-Advance = Callable[[Tensor, Tensor, Constants], Attempt]
+Advance = Callable[[Array, Array, Constants], Attempt]
 
 
 def substepped(
     advance: Advance[Constants],
-    dstrain: Tensor,
-    state: Tensor,
+    dstrain: Array,
+    state: Array,
     constants: Constants,
     settings: Substepping,
-) -> Tensor:
+) -> Array:
     """State after a strain increment, each point in as many pieces as its error asks for.
 
     Parameters
@@ -94,87 +107,86 @@ def substepped(
     -------
     (n_state, point), differentiable; NaN where a point could not be followed
     """
-    leaves = (dstrain, state, *constants)
-    wanted = torch.is_grad_enabled() and any(leaf.requires_grad for leaf in leaves)
+    wanted = gradients_wanted(dstrain, state, *constants)
     with torch.no_grad():
         whole = advance(dstrain, state, constants)
         rejected = ~(whole.error <= settings.tolerance)
         if rejected.any():
-            cut = rejected.nonzero().squeeze(-1)
+            cut = places(rejected)
             of_cut = (dstrain[:, cut], state[:, cut], taken(constants, cut))
             end, pieces = _cut(advance, *of_cut, whole.error[cut], settings)
         elif not wanted:
             return whole.state
     if not wanted:
-        return whole.state.index_copy(1, cut, end)
+        return replaced(whole.state, cut, end)
     if not rejected.any():
         return advance(dstrain, state, constants).state
-    kept = (~rejected).nonzero().squeeze(-1)
+    kept = places(~rejected)
     of_kept = (dstrain[:, kept], state[:, kept], taken(constants, kept))
     of_cut = (dstrain[:, cut], state[:, cut], taken(constants, cut))
     again = _again(advance, *of_cut, pieces)
-    again = torch.where(torch.isnan(end), end, again)
+    again = where(isnan(end), end, again)
     both = torch.cat([advance(*of_kept).state, again], dim=1)
     return both[:, torch.argsort(torch.cat([kept, cut]))]
 
 
-def taken(constants: Constants, points: Tensor) -> Constants:
+def taken(constants: Constants, points: Array) -> Constants:
     """The constants of some points; those that all points share stay as they are."""
     return type(constants)(*(value[points] if value.ndim else value for value in constants))
 
 
 def _cut(
     advance: Advance[Constants],
-    dstrain: Tensor,
-    state: Tensor,
+    dstrain: Array,
+    state: Array,
     constants: Constants,
-    error: Tensor,
+    error: Array,
     settings: Substepping,
-) -> tuple[Tensor, list[_Piece]]:
+) -> tuple[Array, list[_Piece]]:
     """End states of points whose whole increment was rejected, and their accepted pieces."""
-    end = torch.full_like(state, torch.nan)
+    end = full_like(state, math.nan)
     pieces: list[_Piece] = []
-    points = torch.isfinite(dstrain).all(dim=0) & torch.isfinite(state).all(dim=0)
-    points = points.nonzero().squeeze(-1)
+    points = isfinite(dstrain).all(0) & isfinite(state).all(0)
+    points = places(points)
     dstrain, state = dstrain[:, points], state[:, points]
     constants, error = taken(constants, points), error[points]
-    time = torch.zeros_like(error)
+    time = zeros_like(error)
     size = _factor(error, settings)
     for _ in range(settings.most):
         if not len(points):
             break
         left = 1.0 - time
         last = size >= left
-        size = torch.where(last, left, size)
+        size = where(last, left, size)
         attempt = advance(dstrain * size, state, constants)
         accepted = attempt.error <= settings.tolerance
         pieces.append(_Piece(points[accepted], size[accepted]))
-        state = torch.where(accepted, attempt.state, state)
-        time = torch.where(accepted, time + size, time)
+        state = where(accepted, attempt.state, state)
+        time = where(accepted, time + size, time)
         size = size * _factor(attempt.error, settings)
         finished = accepted & last
         going = ~finished & (size > settings.smallest)
         if not going.all():
             end[:, points[finished]] = state[:, finished]
-            still = going.nonzero().squeeze(-1)
+            still = places(going)
             dstrain, state, points = dstrain[:, still], state[:, still], points[still]
             constants, time, size = taken(constants, still), time[still], size[still]
     return end, pieces
 
 
-def _factor(error: Tensor, settings: Substepping) -> Tensor:
+def _factor(error: Array, settings: Substepping) -> Array:
     """Size of the next piece relative to one of that error; the least for an impossible one."""
     factor = SAFETY * (settings.tolerance / error) ** (1.0 / 3.0)
-    return torch.nan_to_num(factor, nan=0.0).clamp(LEAST_FACTOR, LARGEST_FACTOR)
+    return between(where(isnan(factor), 0.0, factor), LEAST_FACTOR, LARGEST_FACTOR)
 
 
 def _again(
     advance: Advance[Constants],
-    dstrain: Tensor,
-    state: Tensor,
+    dstrain: Array,
+    state: Array,
     constants: Constants,
     pieces: list[_Piece],
-) -> Tensor:
+) -> Array:
     """The accepted pieces once more, with gradients."""
     for piece in pieces:
         if len(piece.points) == state.shape[1]:
@@ -183,7 +195,7 @@ def _again(
             chosen = piece.points
             strain = dstrain[:, chosen] * piece.size
             after = advance(strain, state[:, chosen], taken(constants, chosen)).state
-            state = state.index_copy(1, chosen, after)
+            state = replaced(state, chosen, after)
     return state
 
 
@@ -198,13 +210,13 @@ class EmbeddedStep(NamedTuple):
     rates : the three rates
     """
 
-    end: Tensor
-    error: Tensor
-    stages: tuple[Tensor, Tensor, Tensor]
-    rates: tuple[Tensor, Tensor, Tensor]
+    end: Array
+    error: Array
+    stages: tuple[Array, Array, Array]
+    rates: tuple[Array, Array, Array]
 
 
-def runge_kutta(rate: Callable[[float, Tensor], Tensor], start: Tensor) -> EmbeddedStep:
+def runge_kutta(rate: Callable[[float, Array], Array], start: Array) -> EmbeddedStep:
     """One step of the Runge-Kutta pair of orders 2 and 3 over pseudo-time 0 ... 1.
 
     Parameters
@@ -216,7 +228,7 @@ def runge_kutta(rate: Callable[[float, Tensor], Tensor], start: Tensor) -> Embed
     full = start + first
     second = rate(1.0, full)
     both = first + second
-    middle = torch.add(start, both, alpha=0.25)
+    middle = start + 0.25 * both
     third = rate(0.5, middle)
     end = start + (both + 4.0 * third) / 6.0
     error = (2.0 * third - both) / 3.0

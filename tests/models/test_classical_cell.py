@@ -150,12 +150,44 @@ def test_blocks_of_points_give_what_one_batch_gives(monkeypatch):
     cell = J2Hardening()
     increments = random_increments(cell, 50, 10, 2e-2)
     whole = run(cell, increments, isotropic(cell, 50))
+    monkeypatch.setattr(classical, "FEW_POINTS", 3)
     monkeypatch.setattr(classical, "BLOCK", 7)
     blocks = run(cell, increments, isotropic(cell, 50))
     _, state = cell.step(increments[0], isotropic(cell, 50))
     # Newton's iterations end together in a batch: one more for some moves the last bits.
     torch.testing.assert_close(blocks, whole, rtol=1e-12, atol=1e-9)
     assert state.T.is_contiguous()
+
+
+@pytest.mark.parametrize("order", ["principal", "plane", "full"])
+@pytest.mark.filterwarnings("error")
+def test_few_points_in_numpy_go_where_many_go_in_torch(model, order, monkeypatch):
+    cell = model(order=order)
+    increments = random_increments(cell, 20, 12, 2e-3)
+    few = run(cell, increments, isotropic(cell, 20))
+    monkeypatch.setattr(classical, "FEW_POINTS", 0)
+    many = run(cell, increments, isotropic(cell, 20))
+    # One text, rounded in another order.
+    for one, other in zip(few.unbind(-1), many.unbind(-1), strict=True):
+        scale = float(other.abs().max())
+        torch.testing.assert_close(one, other, rtol=1e-12, atol=1e-12 * scale)
+
+
+def test_numpy_keeps_single_precision(model):
+    cell = model(dtype=torch.float32)
+    state = run(cell, random_increments(cell, 5, 3, 5e-4), isotropic(cell, 5))
+    assert state.dtype == torch.float32
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_strain_that_is_no_number_is_one_in_silence(model):
+    cell = model()
+    increment = random_increments(cell, 3, 1, 1e-3)[0]
+    increment[1] = torch.nan
+    with torch.no_grad():
+        stress, _ = cell.step(increment, isotropic(cell, 3))
+    assert torch.isnan(stress[1]).all()
+    assert torch.isfinite(stress[[0, 2]]).all()
 
 
 def test_the_memory_order_of_the_increment_does_not_matter():

@@ -1,5 +1,6 @@
 """Rows of tensors: invariants, and gradients where a deviator vanishes."""
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import given
@@ -40,6 +41,19 @@ def test_plane_strain_rows_are_the_three_dimensional_ones():
     p, s = rows.split(tensors)
     torch.testing.assert_close(p, mean_stress(full.T, "full"))
     torch.testing.assert_close(rows.deviatoric_stress(s), deviatoric_stress(full.T, "full"))
+
+
+@pytest.mark.parametrize(("order", "dimension"), [*CASES, ("plane", 3)])
+@pytest.mark.parametrize("kind", [np.asarray, torch.as_tensor])
+def test_no_bit_of_a_point_depends_on_how_many_others_there_are(order, dimension, kind):
+    rows = tensor_rows(order, dimension, torch.float64)
+    a, b = (np.random.default_rng(seed).normal(size=(rows.count, 40)) for seed in (0, 1))
+    of_all = [rows.trace(kind(a)), rows.contraction(kind(a), kind(b)), *rows.split(kind(a))]
+    for few in range(1, 9):
+        x, y = (kind(np.ascontiguousarray(each[:, :few])) for each in (a, b))
+        of_few = [rows.trace(x), rows.contraction(x, y), *rows.split(x)]
+        for each, alone in zip(of_all, of_few, strict=True):
+            assert (each[..., :few] == alone).all()
 
 
 @pytest.mark.parametrize(("order", "dimension"), [*CASES, ("plane", 3)])

@@ -58,8 +58,8 @@ def test_dataset_is_valid_sealed_and_says_how_it_was_made(finished, dataset) -> 
 def test_a_fresh_rollout_of_the_cell_is_what_was_recorded(name: str) -> None:
     """Strain and start in the file are all that the run depended on.
 
-    With gradients some models go through other instructions, whose last bit of double precision
-    may differ; that moves one value in a million to the next one that a record can hold.
+    The record was made with torch, the rollout is NumPy's, and the last bit of double precision may
+    differ; that moves one or two of these thousands of values to the next that a record can hold.
     """
     ds = plane_records(name)
     truth = json.loads(ds.attrs["ground_truth"])
@@ -70,7 +70,7 @@ def test_a_fresh_rollout_of_the_cell_is_what_was_recorded(name: str) -> None:
     assert set(run.internals) == set(cell.internals) <= set(ds.data_vars)
     for variable, values in {"stress": run.stress, **run.internals}.items():
         again, kept = recorded(variable, values), ds[variable].values
-        assert (again != kept).mean() < 1e-4, variable
+        assert (again != kept).mean() < 1e-3, variable
         step = {"rtol": 2.0**-KEEP_BITS, "atol": 1e-9 * np.abs(kept).max()}
         if ds[variable].attrs["units"] == "1":
             step = {"rtol": 0.0, "atol": STRAIN_GRID}
