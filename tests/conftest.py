@@ -1,6 +1,7 @@
 """Fixtures that every test may use."""
 
 import os
+import signal
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +12,12 @@ from dataset_shelf import Shelf, make_shelf
 from synthetic_records import synthetic_records
 
 from granbench.records import write_records
+
+
+def pytest_configure() -> None:
+    """Heed Ctrl-C, which tests send: a shell that runs the suite in the background ignores it."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

@@ -23,8 +23,8 @@ from granbench.generators.classical.design import (
 )
 from granbench.generators.classical.recorded import recorded
 from granbench.generators.classical.response import isotropic_start, response
-from granbench.models import find_model
 from granbench.models.classical import ClassicalCell
+from granbench.models.ground_truth import recording_cell
 from granbench.paths.drawn import DrawnPaths, on_strain_grid
 
 RECORD_FILE = "record.npz"
@@ -77,7 +77,7 @@ def run_paths(
     ModelError
         If the model cannot follow a path.
     """
-    cell = find_model(configuration["model"])(configuration["parameters"])
+    cell = recording_cell(configuration["model"], configuration["parameters"])
     drawn = drawn_paths(cell, configuration, seed)
     run = response(
         cell,

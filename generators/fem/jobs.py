@@ -17,7 +17,7 @@ from granbench.fem.problems.biaxial import HEIGHT, Biaxial
 from granbench.generators.campaign import Job
 from granbench.generators.classical.recorded import recorded
 from granbench.generators.fem.design import AnalysisPlan, FemPreset, GroundTruth
-from granbench.models import find_model
+from granbench.models.ground_truth import recording_cell
 from granbench.protocols.posed import posed
 
 RECORD_FILE = "record.npz"
@@ -57,7 +57,7 @@ def run_analysis(
         If the analysis does not come to its end.
     """
     plan = AnalysisPlan.model_validate(configuration["plan"])
-    cell = find_model(configuration["model"])(configuration["parameters"])
+    cell = recording_cell(configuration["model"], configuration["parameters"])
     problem = posed(plan)
     settings = replace(settings_for(problem, EXPLICIT), outputs=configuration["steps"])
     # Threads that wait for each other cost more than they do, at some hundred points.

@@ -67,7 +67,8 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
     internal_variables : scalars beside the stress, after the tensors, under their dataset names
     substepping : how finely increments are cut; None where they are not
     numpy_updates : whether `update` is written in `granbench.models.arrays`, so that it also takes
-        NumPy's arrays; one in torch alone is as good, but slower where points are few
+        NumPy's arrays; one in torch alone is as good, but slower where points are few. A cell may
+        be told otherwise: torch's last bits and NumPy's differ
 
     Raises
     ------
@@ -84,7 +85,7 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
     internal_tensors: ClassVar[tuple[str, ...]] = ()
     internal_variables: ClassVar[tuple[str, ...]] = ()
     substepping: Substepping | None = None
-    numpy_updates: ClassVar[bool] = False
+    numpy_updates: bool = False
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()

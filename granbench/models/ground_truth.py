@@ -1,10 +1,12 @@
 """The ground truth of a dataset: the model that made it, rebuilt from the dataset's attributes."""
 
 import json
+from collections.abc import Mapping
 
 import xarray as xr
 
 from granbench.errors import DatasetError, ModelError
+from granbench.models.catalogue import find_model
 from granbench.models.classical import ClassicalCell
 from granbench.models.parameter_file import ParameterFile
 from granbench.predictions import GROUND_TRUTH
@@ -35,6 +37,23 @@ def ground_truth_cell(records: xr.Dataset) -> ClassicalCell | None:
             f"{records.attrs.get('dataset', 'the dataset')}: its attribute {GROUND_TRUTH!r} "
             f"describes no model of this version ({error}); fetch or generate the dataset again"
         ) from error
+
+
+def recording_cell(model: str, parameters: Mapping[str, float]) -> ClassicalCell:
+    """The cell that makes records of a model.
+
+    It keeps to torch: the last bits of NumPy's updates differ, which would carry some stresses that
+    lie between two that a record can hold to the other one, and a dataset would not come out the
+    same again.
+
+    Raises
+    ------
+    ModelError
+        If there is no such model, or a parameter does not fit it.
+    """
+    cell = find_model(model)(parameters)
+    cell.numpy_updates = False
+    return cell
 
 
 def holds_no_tension(records: xr.Dataset) -> bool:

@@ -8,6 +8,7 @@ from granbench.cell import Conditions, History
 from granbench.errors import ConfigurationError, ModelError
 from granbench.models import MODELS, classical, find_model
 from granbench.models.drucker_prager import DruckerPrager
+from granbench.models.ground_truth import recording_cell
 from granbench.models.ime import IME
 from granbench.models.j2 import J2
 from granbench.models.j2_hardening import J2Hardening
@@ -171,6 +172,16 @@ def test_few_points_in_numpy_go_where_many_go_in_torch(model, order, monkeypatch
     for one, other in zip(few.unbind(-1), many.unbind(-1), strict=True):
         scale = float(other.abs().max())
         torch.testing.assert_close(one, other, rtol=1e-12, atol=1e-12 * scale)
+
+
+def test_the_cell_that_makes_records_keeps_to_torch(model, monkeypatch):
+    """To the last bit, whatever the number of points."""
+    recording = recording_cell(model.name, model().values())
+    increments = random_increments(recording, 20, 12, 2e-3)
+    records = run(recording, increments, isotropic(recording, 20))
+    monkeypatch.setattr(classical, "FEW_POINTS", 0)
+    many = run(model(), increments, isotropic(recording, 20))
+    assert torch.equal(records, many)
 
 
 def test_numpy_keeps_single_precision(model):
