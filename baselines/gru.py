@@ -136,7 +136,7 @@ def _varying(deviation: Tensor) -> Tensor:
     return torch.where(deviation > 0.0, deviation, 1.0)
 
 
-class _LayerStep:
+class _LayerStep(nn.Module):
     """One step of a GRU layer, in rows (unit, point), of its weights as they are now.
 
         r, z = sigmoid(W [x; h] + b),   n = tanh(W_x x + b_x + r (W_h h + b_h)),   n + z (h - n)
@@ -145,26 +145,61 @@ class _LayerStep:
     are doubled: tanh(a) = 2 sigmoid(2 a) - 1, and torch's tanh takes ten times as long.
     """
 
+    weight: Tensor
+    bias: Tensor
+
     def __init__(
         self, of_input: Tensor, of_hidden: Tensor, input_bias: Tensor, hidden_bias: Tensor
     ) -> None:
+        super().__init__()
         width = of_hidden.shape[1]
         gates, new = slice(0, 2 * width), slice(2 * width, None)
         none_of_input, none_of_hidden = torch.zeros_like(of_input), torch.zeros_like(of_hidden)
         from_input = [of_input[gates], 2.0 * of_input[new], none_of_input[new]]
         from_hidden = [of_hidden[gates], none_of_hidden[new], 2.0 * of_hidden[new]]
         biases = [(input_bias + hidden_bias)[gates], 2.0 * input_bias[new], 2.0 * hidden_bias[new]]
-        self._weight = torch.cat([torch.cat(from_input), torch.cat(from_hidden)], dim=1)
-        self._bias = torch.cat(biases).unsqueeze(-1)
-        self._gates = 2 * width
+        weight = torch.cat([torch.cat(from_input), torch.cat(from_hidden)], dim=1)
+        self.register_buffer("weight", weight)
+        self.register_buffer("bias", torch.cat(biases).unsqueeze(-1))
+        self.gates = 2 * width
 
-    def __call__(self, below: Tensor, before: Tensor) -> Tensor:
+    def forward(self, below: Tensor, before: Tensor) -> Tensor:
         """Hidden state after the step, of the layer below and of the hidden state before."""
-        sums = torch.addmm(self._bias, self._weight, torch.cat([below, before]))
-        reset, update = torch.sigmoid(sums[: self._gates]).chunk(2)
-        of_input, of_hidden = sums[self._gates :].chunk(2)
+        sums = torch.addmm(self.bias, self.weight, torch.cat([below, before]))
+        reset, update = torch.sigmoid(sums[: self.gates]).chunk(2)
+        of_input, of_hidden = sums[self.gates :].chunk(2)
         half = torch.sigmoid(torch.addcmul(of_input, reset, of_hidden))
         return torch.lerp(half + half - 1.0, before, update)
+
+
+class _Step(nn.Module):
+    """One step of a `GruNetwork`, in rows (unit, point); a copy of its weights as they are now.
+
+    Modules and buffers, so that whoever wants the cell in double precision gets all of it.
+    """
+
+    increment_scale: Tensor
+    stress_weight: Tensor
+    stress_bias: Tensor
+
+    def __init__(self, network: GruNetwork) -> None:
+        super().__init__()
+        scale, read_out = network.stress_scale, network.read_out
+        bias = torch.addcmul(network.stress_mean, scale, read_out.bias)
+        self.layers = nn.ModuleList(
+            _LayerStep(*weights) for weights in network.recurrent.all_weights
+        )
+        self.register_buffer("increment_scale", network.increment_scale.clone().unsqueeze(-1))
+        self.register_buffer("stress_weight", scale.unsqueeze(-1) * read_out.weight)
+        self.register_buffer("stress_bias", bias.unsqueeze(-1))
+
+    def forward(self, dstrain: Tensor, hidden: Tensor) -> tuple[Tensor, list[Tensor]]:
+        """Stress, or its change since the start, Pa, and each layer's hidden state after."""
+        below, after = dstrain / self.increment_scale, []
+        for layer, before in zip(self.layers, hidden.chunk(len(self.layers)), strict=True):
+            below = layer(below, before)
+            after.append(below)
+        return torch.addmm(self.stress_bias, self.stress_weight, below), after
 
 
 class GruCell(MaterialCell):
@@ -192,10 +227,7 @@ class GruCell(MaterialCell):
         if self._from_start:
             widths["initial_stress"] = configuration.components
         self.layout = StateLayout.of(**widths)
-        self._layers = [_LayerStep(*weights) for weights in network.recurrent.all_weights]
-        scale, read_out = network.stress_scale, network.read_out
-        self._stress_weight = scale.unsqueeze(-1) * read_out.weight
-        self._stress_bias = torch.addcmul(network.stress_mean, scale, read_out.bias).unsqueeze(-1)
+        self._step = _Step(self.network)
 
     def initial_state(self, conditions: Conditions) -> Tensor:
         """See `MaterialCell.initial_state`."""
@@ -210,12 +242,7 @@ class GruCell(MaterialCell):
     def step(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """See `MaterialCell.step`."""
         rows = state.T
-        below, after = (dstrain / self.network.increment_scale).T, []
-        hidden = rows[self.layout["hidden"]].chunk(len(self._layers))
-        for layer, before in zip(self._layers, hidden, strict=True):
-            below = layer(below, before)
-            after.append(below)
-        stress = torch.addmm(self._stress_bias, self._stress_weight, below)
+        stress, after = self._step(dstrain.T, rows[self.layout["hidden"]])
         if not self._from_start:
             return stress.T, torch.cat([stress, *after]).T
         start = rows[self.layout["initial_stress"]]

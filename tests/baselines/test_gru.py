@@ -17,6 +17,7 @@ from granbench.data.adapters import conditions_of, history_of
 from granbench.data.splits import select_split
 from granbench.errors import ModelError
 from granbench.protocols import rollout
+from granbench.protocols.tangent import in_double_precision
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +62,22 @@ def test_a_gru_works_in_the_components_of_its_records(records: xr.Dataset, tmp_p
     cell = BASELINE.load(folder, records)
     assert cell.order == "principal"
     assert cell.rollout(history_of(records).strain, conditions_of(records)).stress.isfinite().all()
+
+
+def test_in_double_precision_all_of_the_cell_is(j2: xr.Dataset) -> None:
+    """Else rounding of single precision is all that differences of steps show."""
+    cell = GruCell(network_for(j2), "gru")
+    state = cell.condition(history_of(j2, cell.dtype))
+    increment = torch.full((len(state), 3), 1e-4)
+    double = in_double_precision(cell, increment, state)
+    assert double is not cell
+    increment, state = increment.double(), state.double()
+    _, _, tangent = double.tangent(increment, state)
+    shift = torch.zeros_like(increment)
+    shift[:, 0] = 1e-8
+    up, down = (double.step(increment + sign * shift, state)[0] for sign in (1.0, -1.0))
+    difference = (up - down) / 2e-8
+    assert (tangent[..., 0] - difference).norm() < 1e-6 * difference.norm()
 
 
 def test_read_as_change_the_stress_moves_with_its_start(j2: xr.Dataset) -> None:

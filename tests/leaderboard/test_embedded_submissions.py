@@ -12,8 +12,9 @@ from embedded_tasks import Elastic, cell, task
 from small_submissions import about, submitted
 
 from granbench.candidate import find_candidate
+from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
-from granbench.leaderboard.agreement import RERUN, RESCORED
+from granbench.leaderboard.agreement import RERUN, RESCORED, compare
 from granbench.leaderboard.board import Row
 from granbench.leaderboard.build import build
 from granbench.leaderboard.chart import BOTTOM, HEIGHT, TOP, Line, share_chart
@@ -23,7 +24,7 @@ from granbench.leaderboard.validation import validate
 from granbench.predictions import evaluated, open_predictions, write_predictions
 from granbench.protocols import predict
 from granbench.records import open_records, write_records
-from granbench.scoring import Score
+from granbench.scoring import Score, score
 
 
 @pytest.fixture(scope="module")
@@ -160,6 +161,38 @@ def numbers(metric: str) -> Score:
 def test_analyses_agree_as_far_as_machines_do(metric, claimed, again, agree) -> None:
     assert RERUN.holds(numbers(metric), claimed, again) is agree
     assert not RESCORED.holds(numbers(metric), claimed, again)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "factor", "agree"),
+    [(0.9, 1.0, True), (0.9, 1.05, False), (0.5, 1.05, True), (0.5, 2.5, True), (0.5, 4.0, False)],
+    ids=["same", "off", "lost", "lost and off", "lost and far off"],
+)
+def test_errors_of_a_lost_analysis_need_not_agree_closely(
+    records, tmp_path, stiffness: float, factor: float, agree: bool
+) -> None:
+    """Where half of the reaction is missing rounding may decide what follows."""
+    out = tmp_path / "model.json"
+    submitted(cell(Elastic(stiffness)), records, out, axes=["embedded"], seeds=(0,))
+    found = read_submission(out)
+    card = score(
+        open_predictions(out.with_suffix(".nc")), evaluated(records),
+        Normalisation.from_training(records),
+    )  # fmt: skip
+
+    def changed(item: Score) -> Score:
+        if item.metric != "reaction_error" or item.value is None:
+            return item
+        by_seed = tuple(factor * value for value in item.by_seed)
+        return item.model_copy(update={"value": factor * item.value, "by_seed": by_seed})
+
+    claimed = found.model_copy(update={"scores": tuple(map(changed, found.scores))})
+    for how, agrees in ((RERUN, agree), (RESCORED, factor == 1.0)):
+        if agrees:
+            compare(claimed, card, out, how)
+            continue
+        with pytest.raises(SubmissionError, match="reaction_error cannot be reproduced"):
+            compare(claimed, card, out, how)
 
 
 def test_the_board_shows_analyses_against_models(submission, records, tmp_path) -> None:
