@@ -40,8 +40,9 @@ class Agreement:
     share : by which a share of steps may differ
     of_checks : share of a physics check's tolerance by which its violation may differ
     of_analyses : share of an embedded score, or of 1 where it is a share, by which it may differ
-    of_lost : factor between two errors of an analysis that the model has lost, see `LOST`; what
-        else is said of such an analysis is not compared. 1 for no such exception
+    of_lost : factor between two errors of an analysis that the model has lost, see `LOST`, its
+        square where they are squares; what else is said of such an analysis is not compared. 1
+        for no such exception
     clock : factor between two timings
     """
 
@@ -182,10 +183,11 @@ def _difference_of_lost(claimed: Score, again: Score, how: Agreement) -> str | N
     one, other = claimed.value, again.value
     if one is None or other is None:
         return None if one is other else f"its value is {one}, but {other} from {how.source}"
-    if max(one, other) > how.of_lost * min(one, other) + how.of_analyses:
+    factor = how.of_lost**2 if again.metric.endswith("_mse") else how.of_lost
+    if max(one, other) > factor * min(one, other) + how.of_analyses:
         return (
-            f"its value is {one}, but {other} from {how.source}, more than a factor of "
-            f"{how.of_lost:g} off even for an analysis that the model has lost"
+            f"its value is {one}, but {other} from {how.source}, more than a factor of {factor:g} "
+            "off even for an analysis that the model has lost"
         )
     return None
 
