@@ -124,7 +124,7 @@ def test_an_analysis_that_does_not_end_makes_no_dataset(tmp_path, monkeypatch) -
     truth = GROUND_TRUTHS["fem-ime"]
     job = campaign_job(truth, SMOKE, planned_analyses(truth, SMOKE, 0)[0], 0)
     cell = ModuleCell(Shattering(), name="glass", order="plane", dtype=torch.float64)
-    monkeypatch.setattr(jobs_module, "find_model", lambda name: lambda values: cell)
+    monkeypatch.setattr(jobs_module, "recording_cell", lambda model, parameters: cell)
     with pytest.raises(AnalysisError, match="glass gives no finite stress at Gauss point 0"):
         run_analysis(job.configuration, 0, {}, tmp_path)
     assert not list(tmp_path.iterdir())
