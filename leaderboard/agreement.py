@@ -40,9 +40,9 @@ class Agreement:
     share : by which a share of steps may differ
     of_checks : share of a physics check's tolerance by which its violation may differ
     of_analyses : share of an embedded score, or of 1 where it is a share, by which it may differ
-    of_lost : factor between two errors of an analysis that the model has lost, see `LOST`, its
-        square where they are squares; what else is said of such an analysis is not compared. 1
-        for no such exception
+    of_lost : factor between two errors of curves and stress in an analysis that the model has
+        lost, see `LOST`, its square where they are squares; what else is said of such an analysis
+        is not compared. 1 for no such exception
     clock : factor between two timings
     """
 
@@ -178,7 +178,8 @@ def _lost(submission: Submission, card: Scorecard) -> set[tuple[str, str]]:
 
 
 def _difference_of_lost(claimed: Score, again: Score, how: Agreement) -> str | None:
-    if not EMBEDDED_METRICS[again.metric].error or again.metric in IN_STEPS:
+    counted = again.metric.endswith("_share") or again.metric in IN_STEPS
+    if counted or not EMBEDDED_METRICS[again.metric].error:
         return None
     one, other = claimed.value, again.value
     if one is None or other is None:
