@@ -9,12 +9,14 @@ from granbench.checks import CHECKS
 from granbench.errors import SubmissionError
 from granbench.leaderboard.submission import Submission
 from granbench.scoring import Curve, Score
-from granbench.scoring.embedded import EMBEDDED_METRICS, SPEED
+from granbench.scoring.embedded import SPEED
 from granbench.scoring.scorecard import ALL, Scorecard
 
 REACTION_ERROR = "reaction_error"
 TIMED = "update_"
 """Begins the metrics of the cost axis that are measured with a clock."""
+OF_LOST = (REACTION_ERROR, "volumetric_strain_error", "point_stress_mse")
+"""Errors that are compared, roughly, where a model has lost an analysis."""
 IN_STEPS = ("reached_share", "error_point_growth")
 """Metrics of analyses that count output steps, or follow from counts of points in them."""
 SHARES_OF_PATHS = ("diverged_share", "failed_share", "violated_share", "kink_share")
@@ -128,7 +130,7 @@ def compare(submission: Submission, card: Scorecard, path: object, how: Agreemen
     SubmissionError
         Naming the first that is missing, is not one of this benchmark, or differs.
     """
-    lost = _lost(submission, card) if how.of_lost > 1.0 else set()
+    lost = _lost(card) if how.of_lost > 1.0 else set()
     claimed = {item.key: item for item in submission.scores}
     for score_again in card.scores:
         label = " / ".join(score_again.key)
@@ -148,10 +150,9 @@ def compare(submission: Submission, card: Scorecard, path: object, how: Agreemen
         if curve_again.key not in curves:
             raise SubmissionError(f"{path}: curve {label} is missing; submit every curve")
         slack = how.of_analyses if curve_again.metric == "error_point_share" else 0.0
-        curve = curves.pop(curve_again.key)
-        if (curve_again.protocol, curve_again.group) in lost:
-            continue
-        if not _same_curve(curve, curve_again, how, slack):
+        chaotic = (curve_again.protocol, curve_again.group) in lost
+        slack = 1.0 if chaotic else slack  # any share of points
+        if not _same_curve(curves.pop(curve_again.key), curve_again, how, slack):
             raise SubmissionError(f"{path}: curve {label} cannot be reproduced from {how.source}")
     if curves:
         label = " / ".join(next(iter(curves)))
@@ -166,11 +167,14 @@ def compare(submission: Submission, card: Scorecard, path: object, how: Agreemen
         )
 
 
-def _lost(submission: Submission, card: Scorecard) -> set[tuple[str, str]]:
-    """Protocol and group of every analysis that is lost, here or there, and of means over such."""
+def _lost(card: Scorecard) -> set[tuple[str, str]]:
+    """Protocol and group of every analysis that is lost when run again, and of means over such.
+
+    What is claimed has no say in it: a claim of being lost would excuse the others.
+    """
     lost = {
         (score.protocol, score.group)
-        for score in (*submission.scores, *card.scores)
+        for score in card.scores
         if score.axis == EMBEDDED and score.metric == REACTION_ERROR
         and max((score.value or 0.0, *score.by_seed)) > LOST
     }  # fmt: skip
@@ -178,17 +182,32 @@ def _lost(submission: Submission, card: Scorecard) -> set[tuple[str, str]]:
 
 
 def _difference_of_lost(claimed: Score, again: Score, how: Agreement) -> str | None:
-    counted = again.metric.endswith("_share") or again.metric in IN_STEPS
-    if counted or not EMBEDDED_METRICS[again.metric].error:
-        return None
-    one, other = claimed.value, again.value
-    if one is None or other is None:
-        return None if one is other else f"its value is {one}, but {other} from {how.source}"
-    factor = how.of_lost**2 if again.metric.endswith("_mse") else how.of_lost
-    if max(one, other) > factor * min(one, other) + how.of_analyses:
+    for field in ("unit", "n"):
+        one, other = getattr(claimed, field), getattr(again, field)
+        if one != other:
+            return f"its {field} is {one!r}, but {other!r} from {how.source}"
+    if claimed.value is None or again.value is None:
+        # A run that ends early has no time; whether this one does, rounding decides.
+        same = _timed(again) or claimed.value is again.value
         return (
-            f"its value is {one}, but {other} from {how.source}, more than a factor of {factor:g} "
-            "off even for an analysis that the model has lost"
+            None if same else f"its value is {claimed.value}, but {again.value} from {how.source}"
+        )
+    if len(claimed.by_seed) != len(again.by_seed) or not math.isclose(
+        claimed.value, sum(claimed.by_seed) / len(claimed.by_seed), rel_tol=1e-6, abs_tol=1e-9
+    ):
+        return "its value is not the mean of its values by seed"
+    if again.metric.endswith("_share") and not 0.0 <= claimed.value <= 1.0:
+        return f"its value is {claimed.value}; a share is from 0 to 1"
+    if _timed(again):
+        return None if how.holds(again, claimed.value, again.value) else "its clock is another"
+    if again.metric not in OF_LOST:
+        return None
+    factor = how.of_lost**2 if again.metric.endswith("_mse") else how.of_lost
+    one, other = sorted((claimed.value, again.value))
+    if other > factor * one:
+        return (
+            f"its value is {claimed.value}, but {again.value} from {how.source}, more than a "
+            f"factor of {factor:g} off even for an analysis that the model has lost"
         )
     return None
 

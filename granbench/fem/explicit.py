@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from granbench.errors import AnalysisError
+from granbench.errors import AnalysisError, ConfigurationError
 from granbench.fem.gauss_points import GaussPoints
 from granbench.fem.loading import AssembledLoading
 from granbench.fem.mesh import Floats
@@ -35,6 +35,9 @@ from granbench.fem.time_step import ExplicitSettings, choose_time_step
 EVEN = 1e-9
 """Moves of a time step that differ by less, relatively, are at one speed: rounding of the times
 makes them differ by some 1e-12."""
+
+MOST_STEPS = 100_000_000
+"""Some hours of the quickest analysis: more of them are a mistake in a unit."""
 
 OnStep = Callable[[int, int], None]
 """Called at output steps with the number of the step that is done, and how many there are."""
@@ -65,6 +68,11 @@ def solve_explicit(
     end = loading.loading.drive.end
     per_output = max(1, math.ceil(end / step.chosen / settings.outputs - 1e-9))
     total = per_output * settings.outputs
+    if total > MOST_STEPS:
+        raise ConfigurationError(
+            f"a loading of {end:.3g} s in time steps of {step.chosen:.3g} s takes {total:.3g} of "
+            f"them, more than {MOST_STEPS:.0g}; load faster or shorter"
+        )
     motion.set_time_step(end / total)
     for output in range(1, settings.outputs + 1):
         # Nothing asks for a gradient from here on, and torch then keeps no account of its calls.

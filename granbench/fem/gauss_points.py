@@ -234,18 +234,25 @@ class GaussPoints:
         step: int,
         begin: float,
     ) -> Floats:
-        if stress.dtype not in FLOATS:
-            raise CellFailure(
-                f"{self.cell.name} answers with a stress of type {stress.dtype}; it must be of "
-                f"{self.cell.dtype}, the model's own",
-                step,
-            )
+        for what, part in (("stress", stress), ("state", state)):
+            if part.dtype not in FLOATS or not part.is_cpu or part.layout != torch.strided:
+                raise CellFailure(
+                    f"{self.cell.name} answers with a {what} of type {part.dtype}; it must be of "
+                    f"{self.cell.dtype}, the model's own, dense and on the CPU",
+                    step,
+                )
         # NumPy's calls cost a third of torch's at a few hundred points.
         array = (stress.detach() if stress.requires_grad else stress).numpy()
         if array.shape != self._shape:
             raise CellFailure(
                 f"{self.cell.name} answers {self.count} strain increments with a stress of shape "
                 f"{array.shape}; it must be {self._shape}",
+                step,
+            )
+        if state.shape != self.state.shape:
+            raise CellFailure(
+                f"{self.cell.name} answers a state of shape {tuple(self.state.shape)} with one of "
+                f"{tuple(state.shape)}; mend the model",
                 step,
             )
         values = np.ascontiguousarray(array.T, dtype=float).reshape(-1)

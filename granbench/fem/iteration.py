@@ -60,6 +60,10 @@ MEMORY = 10
 """Iterates that Anderson's acceleration looks back on."""
 
 
+MOST_STEPS = 1_000_000
+"""Load steps; more of them are a slip of the pen."""
+
+
 @dataclass(frozen=True)
 class ImplicitSettings:
     """How an implicit analysis is made.
@@ -102,6 +106,10 @@ class ImplicitSettings:
             value = getattr(self, name)
             if value is not None and not (0.0 < value < math.inf):
                 raise ConfigurationError(f"{name} is {value:g}; give one above 0")
+        if self.steps > MOST_STEPS:
+            raise ConfigurationError(
+                f"steps is {self.steps}, more load steps than {MOST_STEPS:,}; give fewer"
+            )
         if self.cuts < 0:
             raise ConfigurationError(f"cuts is {self.cuts}; give 0 or more")
         if self.stiffness is not None and np.shape(self.stiffness) != (3, 3):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import logging
 from collections.abc import Mapping
 from pathlib import Path
@@ -71,7 +73,8 @@ def read_mesh(file: Path | str, element: str | None = None) -> PlaneMesh:
 def _read(path: Path) -> meshio.Mesh:
     """What meshio makes of a file; its readers raise whatever a broken file leads them to."""
     try:
-        return meshio.read(path)
+        with contextlib.redirect_stdout(io.StringIO()):  # some of its readers print blank lines
+            return meshio.read(path)
     except OSError as error:
         raise ConfigurationError(f"mesh {path}: cannot be read ({error.strerror})") from error
     except (Exception, SystemExit) as error:

@@ -68,7 +68,8 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
     substepping : how finely increments are cut; None where they are not
     numpy_updates : whether `update` is written in `granbench.models.arrays`, so that it also takes
         NumPy's arrays; one in torch alone is as good, but slower where points are few. A cell may
-        be told otherwise: torch's last bits and NumPy's differ
+        be told otherwise: torch's last bits and NumPy's differ, and forward-mode differentiation
+        under `no_grad` sees nothing of it
 
     Raises
     ------
@@ -279,6 +280,11 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
 
     def _step_in_numpy(self, dstrain: Tensor, state: Tensor, c: Constants) -> tuple[Tensor, Tensor]:
         count = self.component_count
+        if dstrain.shape != (state.shape[0], count):  # which NumPy would spread over the state
+            raise ModelError(
+                f"{self.name}: a strain increment of shape {tuple(dstrain.shape)} for "
+                f"{state.shape[0]} points; give {(state.shape[0], count)}"
+            )
         before: Any = np.ascontiguousarray(in_numpy(state).T)
         strain: Any = np.zeros((self.rows.count, before.shape[1]), before.dtype)
         strain[:count] = in_numpy(dstrain).T  # in plane strain zz is zero

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from granbench.errors import ConfigurationError
-from granbench.fem import find_problem, run
+from granbench.fem import ExplicitSettings, ImplicitSettings, find_problem, run
 from granbench.fem.load_path_file import read_load_path
 from granbench.fem.mesh_file import read_mesh
 from granbench.models import MODELS
@@ -21,6 +21,7 @@ def gmsh_like(
     names: tuple[str, ...] = ("bottom", "right", "top", "left"),
     cells: str = "quad",
     moved: tuple[int, float] | None = None,
+    scale: float = 1.0,
 ) -> Path:
     """The biaxial test's coarse mesh as Gmsh writes one: tagged edges and physical names."""
     x, y = np.linspace(0.0, WIDTH, COLUMNS + 1), np.linspace(0.0, HEIGHT, ROWS + 1)
@@ -45,7 +46,7 @@ def gmsh_like(
     field["soil"] = np.array([9, 2])
     known = np.isin(tags, range(1, len(names) + 1))
     mesh = meshio.Mesh(
-        points,
+        scale * points,
         [("line", np.concatenate(lines)[known]), (cells, body)],
         cell_data={
             "gmsh:physical": [tags[known], np.full(len(body), 9)],
@@ -97,6 +98,12 @@ def test_what_is_wrong_with_a_mesh_file_is_said(tmp_path: Path) -> None:
     partly = gmsh_like(tmp_path / "partly.msh", names=("bottom", "right", "upper", "left"))
     with pytest.raises(ConfigurationError, match=r"partly\.msh, for biaxial: .* no boundary 'top'"):
         find_problem("biaxial").mesh(str(partly))
+    swapped = gmsh_like(tmp_path / "swapped.msh", names=("top", "right", "bottom", "left"))
+    with pytest.raises(ConfigurationError, match=r"boundary '(top|bottom)' spans .* y from"):
+        find_problem("biaxial").mesh(str(swapped))
+    millimetres = gmsh_like(tmp_path / "millimetres.msh", scale=1e3)
+    with pytest.raises(ConfigurationError, match="the body spans x from 0 to 500 m .* 0 to 0.5 m"):
+        find_problem("biaxial").mesh(str(millimetres))
     solid = tmp_path / "solid.vtk"
     meshio.Mesh(np.eye(4, 3), [("tetra", np.array([[0, 1, 2, 3]]))]).write(solid)
     with pytest.raises(ConfigurationError, match=r"solid\.vtk: its plane cells are none"):
@@ -137,3 +144,28 @@ def test_an_impossible_load_path_is_refused(tmp_path: Path, text: str, sentence:
     with pytest.raises(ConfigurationError, match=sentence) as refusal:
         read_load_path(file)
     assert "path.csv" in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        (ExplicitSettings(), r"takes [\d.e+]+ of them, more than 1e\+08; load faster"),
+        (ImplicitSettings(steps=5), None),
+    ],
+)
+def test_a_loading_of_years_is_refused_where_it_takes_time_steps(
+    tmp_path: Path, settings: ExplicitSettings | ImplicitSettings, sentence: str | None
+) -> None:
+    file = tmp_path / "path.csv"
+    file.write_text("time,displacement\n0,0\n1e9,0.001\n")
+    problem = find_problem("biaxial", load_path=read_load_path(file))
+    if sentence is None:
+        run(problem, MODELS["j2"](), solver=settings, mesh="coarse").check()
+        return
+    with pytest.raises(ConfigurationError, match=sentence):
+        run(problem, MODELS["j2"](), solver=settings, mesh="coarse")
+
+
+def test_load_steps_beyond_counting_are_refused() -> None:
+    with pytest.raises(ConfigurationError, match="more load steps than 1,000,000"):
+        ImplicitSettings(steps=10_000_000_000)

@@ -128,11 +128,15 @@ def exhausted(stress: Tensor) -> Tensor:
         (lambda stress: stress.detach().numpy(), r"faulty answers in step \d+ with ndarray, nd"),
         (lambda stress: stress[:, :2], r"with a stress of shape \(4, 2\); it must be \(4, 3\)"),
         (
+            lambda stress: stress.to("meta"),
+            r"a stress of type torch.float64; it must be .* dense and on the CPU",
+        ),
+        (
             lambda stress: stress.long(),
             r"a stress of type torch.int64; it must be of torch.float64",
         ),
     ],
-    ids=["raises", "no memory", "wrong product", "None", "array", "shape", "integers"],
+    ids=["raises", "no memory", "wrong product", "None", "array", "shape", "elsewhere", "integers"],
 )
 def test_model_that_breaks_as_a_program_keeps_what_was_computed(
     settings: ExplicitSettings | ImplicitSettings, fault: Callable, sentence: str

@@ -195,6 +195,36 @@ def test_errors_of_a_lost_analysis_need_not_agree_closely(
             compare(claimed, card, out, how)
 
 
+@pytest.mark.parametrize(
+    ("stiffness", "metric", "claim"),
+    [
+        # A claim of being lost, of a model that is not, excuses nothing.
+        (0.9, "reaction_error", {"by_seed": (0.5,)}),
+        (0.5, "reaction_error", {"by_seed": (0.1,)}),
+        (0.5, "reached_share", {"value": 7.0, "by_seed": (7.0,)}),
+        (0.5, "reaction_error", {"n": 77}),
+        (0.5, "reaction_error", {"unit": "banana"}),
+        (0.5, "analysis_speed_ratio", {"value": 1e3, "by_seed": (1e3,)}),
+    ],
+)
+def test_a_lost_analysis_excuses_no_nonsense(
+    records, tmp_path, stiffness: float, metric: str, claim: dict
+) -> None:
+    out = tmp_path / "model.json"
+    submitted(cell(Elastic(stiffness)), records, out, axes=["embedded"], seeds=(0,))
+    found = read_submission(out)
+    card = score(
+        open_predictions(out.with_suffix(".nc")), evaluated(records),
+        Normalisation.from_training(records),
+    )  # fmt: skip
+    scores = tuple(
+        item.model_copy(update=claim) if item.metric == metric and item.value else item
+        for item in found.scores
+    )
+    with pytest.raises(SubmissionError, match=f"{metric} cannot be reproduced"):
+        compare(found.model_copy(update={"scores": scores}), card, out, RERUN)
+
+
 def test_the_board_shows_analyses_against_models(submission, records, tmp_path) -> None:
     other = submitted(
         cell(Elastic(0.9)), records, tmp_path / "stiffer.json", axes=["embedded"], seeds=(0,),
