@@ -15,7 +15,7 @@ from page_parts import table, with_part
 from granbench.axes import COST
 from granbench.checks import CHECKS
 from granbench.leaderboard.submission import Submission, read_submission
-from granbench.scoring.embedded import EMBEDDED_METRICS, SPEED, EmbeddedMetric
+from granbench.scoring.embedded_metrics import EMBEDDED_METRICS, SPEED, EmbeddedMetric
 from granbench.scoring.scorecard import ALL
 
 PAGE = Path(__file__).parent / "scoring.md"

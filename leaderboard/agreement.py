@@ -9,7 +9,7 @@ from granbench.checks import CHECKS
 from granbench.errors import SubmissionError
 from granbench.leaderboard.submission import Submission
 from granbench.scoring import Curve, Score
-from granbench.scoring.embedded import SPEED
+from granbench.scoring.embedded_metrics import SPEED
 from granbench.scoring.scorecard import ALL, Scorecard
 
 REACTION_ERROR = "reaction_error"

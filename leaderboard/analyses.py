@@ -12,7 +12,7 @@ from granbench.leaderboard.submission import Submission
 from granbench.leaderboard.tables import Cell, Table, TableRow, line_of, number, ordered, share
 from granbench.plotting.style import model_styles
 from granbench.scoring import Score
-from granbench.scoring.embedded import EMBEDDED_METRICS, SPEED, TITLES
+from granbench.scoring.embedded_metrics import EMBEDDED_METRICS, SPEED, TITLES
 from granbench.scoring.scorecard import ALL
 
 REACTION, REACHED = "reaction_error", "reached_share"

@@ -28,7 +28,7 @@ from granbench.leaderboard.tables import (
     metrics_shown,
 )
 from granbench.scoring import METRIC_VERSION
-from granbench.scoring.embedded import EMBEDDED_METRICS
+from granbench.scoring.embedded_metrics import EMBEDDED_METRICS
 from granbench.scoring.scorecard import ALL
 from granbench.whole_file import cannot_write
 

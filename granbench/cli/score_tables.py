@@ -141,7 +141,7 @@ def _reasons(scores: Sequence["Score"]) -> Iterator[Text]:
 
 def _analyses(run: Sequence["Score"], name: str) -> Iterator[Table | Text]:
     """Of each solver a table of analyses, or why there is none."""
-    from granbench.scoring.embedded import EMBEDDED_METRICS, TITLES
+    from granbench.scoring.embedded_metrics import EMBEDDED_METRICS, TITLES
 
     if reason := next((score.reason for score in run if score.protocol == EMBEDDED), None):
         yield Text(f"Embedded: n/a, {reason}.")

@@ -14,7 +14,7 @@ from granbench.leaderboard.submission import read_submission
 from granbench.records import open_records, write_records
 from granbench.scoring import METRIC_VERSION
 from granbench.scoring.cost import COST_METRICS
-from granbench.scoring.embedded import EMBEDDED_METRICS
+from granbench.scoring.embedded_metrics import EMBEDDED_METRICS
 from granbench.scoring.metrics import PHYSICS_METRICS, TANGENT_METRICS, metrics
 
 TEXT = scoring_page.PAGE.read_text(encoding="utf-8")

@@ -19,7 +19,7 @@ from granbench.predictions import EMBEDDED_FAILURES, EMBEDDED_OBSTACLE, evaluate
 from granbench.protocols import embedded as module
 from granbench.protocols import predict
 from granbench.scoring import Scorecard, score
-from granbench.scoring.embedded import EMBEDDED_METRICS
+from granbench.scoring.embedded_metrics import EMBEDDED_METRICS
 
 
 def made(model: MaterialCell, records: xr.Dataset, seeds: tuple[int, ...] = (0,)) -> xr.Dataset:
