@@ -182,16 +182,12 @@ def _lost(card: Scorecard) -> set[tuple[str, str]]:
 
 
 def _difference_of_lost(claimed: Score, again: Score, how: Agreement) -> str | None:
-    for field in ("unit", "n"):
-        one, other = getattr(claimed, field), getattr(again, field)
-        if one != other:
-            return f"its {field} is {one!r}, but {other!r} from {how.source}"
+    found = f"its value is {claimed.value}, but {again.value} from {how.source}"
+    if difference := _other_field(claimed, again, ("unit", "n"), how):
+        return difference
     if claimed.value is None or again.value is None:
         # A run that ends early has no time; whether this one does, rounding decides.
-        same = _timed(again) or claimed.value is again.value
-        return (
-            None if same else f"its value is {claimed.value}, but {again.value} from {how.source}"
-        )
+        return None if _timed(again) or claimed.value is again.value else found
     if len(claimed.by_seed) != len(again.by_seed) or not math.isclose(
         claimed.value, sum(claimed.by_seed) / len(claimed.by_seed), rel_tol=1e-6, abs_tol=1e-9
     ):
@@ -199,24 +195,27 @@ def _difference_of_lost(claimed: Score, again: Score, how: Agreement) -> str | N
     if again.metric.endswith("_share") and not 0.0 <= claimed.value <= 1.0:
         return f"its value is {claimed.value}; a share is from 0 to 1"
     if _timed(again):
-        return None if how.holds(again, claimed.value, again.value) else "its clock is another"
+        return None if how.holds(again, claimed.value, again.value) else found
     if again.metric not in OF_LOST:
         return None
     factor = how.of_lost**2 if again.metric.endswith("_mse") else how.of_lost
     one, other = sorted((claimed.value, again.value))
     if other > factor * one:
-        return (
-            f"its value is {claimed.value}, but {again.value} from {how.source}, more than a "
-            f"factor of {factor:g} off even for an analysis that the model has lost"
-        )
+        return f"{found}, more than a factor of {factor:g} off even for an analysis that is lost"
+    return None
+
+
+def _other_field(claimed: Score, again: Score, fields: Sequence[str], how: Agreement) -> str | None:
+    for field in fields:
+        one, other = getattr(claimed, field), getattr(again, field)
+        if one != other:
+            return f"its {field} is {one!r}, but {other!r} from {how.source}"
     return None
 
 
 def _difference(claimed: Score, again: Score, how: Agreement) -> str | None:
-    for field in ("status", "unit", "n", "reason"):
-        one, other = getattr(claimed, field), getattr(again, field)
-        if one != other:
-            return f"its {field} is {one!r}, but {other!r} from {how.source}"
+    if difference := _other_field(claimed, again, ("status", "unit", "n", "reason"), how):
+        return difference
     for field in ("value", "low", "high"):
         one, other = getattr(claimed, field), getattr(again, field)
         if not how.holds(again, one, other):

@@ -13,6 +13,7 @@ from torch import Tensor
 from granbench.boundary_values import EMBEDDED_ANALYSES, SOLVERS, EmbeddedAnalysis, stated
 from granbench.cell import ModuleCell, StateLayout
 from granbench.models.classical import ClassicalCell
+from granbench.models.ground_truth import described
 from granbench.models.j2 import J2
 
 OUTPUTS = 8
@@ -52,13 +53,8 @@ def task(
     rows = [np.flatnonzero(split == name)[:3] for name in ("train", "test")]
     few = records.isel(path=np.concatenate(rows), step=slice(0, 12))
     cell = truth or elastic_truth()
-    described = {
-        "model": cell.name,
-        "parameters": cell.values(),
-        "units": {parameter.name: parameter.units for parameter in cell.parameter_table},
-    }
     return few.assign_attrs(
-        {"ground_truth": json.dumps(described), EMBEDDED_ANALYSES: stated(analyses)}
+        {"ground_truth": json.dumps(described(cell)), EMBEDDED_ANALYSES: stated(analyses)}
     )
 
 

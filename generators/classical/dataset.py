@@ -18,6 +18,7 @@ from granbench.generators.classical.design import (
 )
 from granbench.generators.classical.jobs import PARAMETERS_FILE, RECORD_FILE
 from granbench.generators.classical.recorded import ROUNDING, rounding_attributes
+from granbench.models.ground_truth import described
 from granbench.tensors import COMPONENT_ORDERS
 
 CONVENTIONS = (
@@ -101,11 +102,7 @@ def _attributes(
     truth: GroundTruth, preset: ClassicalPreset, plans: Sequence[SplitPlan], seed: int
 ) -> dict[str, Any]:
     cell = truth.cell()
-    ground_truth = {
-        "model": cell.name,
-        "parameters": cell.values(),
-        "units": {parameter.name: parameter.units for parameter in cell.parameter_table},
-    }
+    ground_truth = described(cell)
     configuration = {
         "ground_truth": ground_truth,
         "start": truth.model_dump(mode="json"),

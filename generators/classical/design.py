@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from granbench.errors import RegistryError
+from granbench.generators.ground_truth import ModelTruth
 from granbench.models import find_model
-from granbench.models.classical import ClassicalCell
 from granbench.paths.drawn import PathFamily
 from granbench.paths.gaussian import GaussianStrain
 from granbench.paths.proportional import ProportionalStrain
@@ -35,35 +35,19 @@ OUT_OF_DISTRIBUTION: Mapping[str, PathFamily] = {
 UNSCALED = "ood-unscaled"
 
 
-class GroundTruth(BaseModel):
+class GroundTruth(ModelTruth):
     """The model behind a dataset, and the state that its paths start from.
 
     Parameters
     ----------
-    dataset : name
-    model : in the catalogue of classical models
     thesis_section : where the thesis describes the paths and the model
     initial_mean_stress : isotropic, Pa
     unscaled_split : whether a split keeps the strain paths as they were drawn
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    dataset: str
-    model: str
     thesis_section: str
     initial_mean_stress: float = 0.0
     unscaled_split: bool = False
-
-    def cell(self) -> ClassicalCell:
-        """The ground truth itself, with the default parameters of the model.
-
-        Raises
-        ------
-        ModelError
-            If the catalogue does not have the model.
-        """
-        return find_model(self.model)()
 
 
 GROUND_TRUTHS: Mapping[str, GroundTruth] = {

@@ -20,6 +20,7 @@ from granbench.generators.fem.design import (
     embedded_of,
 )
 from granbench.generators.fem.jobs import POSITION, RECORD_FILE
+from granbench.models.ground_truth import described
 from granbench.paths.drawn import STRAIN_GRID
 from granbench.protocols.posed import posed, stiffest_at
 from granbench.tensors import COMPONENT_ORDERS
@@ -97,19 +98,15 @@ def _dimensions(values: np.ndarray) -> tuple[str, ...]:
 
 
 def _programme(plan: AnalysisPlan) -> str:
-    described = plan.model_dump(mode="json", include={"problem", "mesh", "choices"})
-    return json.dumps(described, sort_keys=True)
+    programme = plan.model_dump(mode="json", include={"problem", "mesh", "choices"})
+    return json.dumps(programme, sort_keys=True)
 
 
 def _attributes(
     truth: GroundTruth, preset: FemPreset, plans: Sequence[AnalysisPlan], seed: int
 ) -> dict[str, Any]:
     cell = truth.cell()
-    ground_truth = {
-        "model": cell.name,
-        "parameters": cell.values(),
-        "units": {parameter.name: parameter.units for parameter in cell.parameter_table},
-    }
+    ground_truth = described(cell)
     modulus = {plan.name: stiffest_at(cell, plan.confinement) for plan in plans if plan.embedded}
     configuration = {
         "ground_truth": ground_truth,

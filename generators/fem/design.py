@@ -12,8 +12,7 @@ from pydantic import BaseModel, ConfigDict
 
 from granbench.boundary_values import SOLVERS, EmbeddedAnalysis, PosedProblem
 from granbench.errors import RegistryError
-from granbench.models import find_model
-from granbench.models.classical import ClassicalCell
+from granbench.generators.ground_truth import ModelTruth
 
 THESIS_SECTION = "5.3"
 DEVIATION = 0.2
@@ -23,32 +22,16 @@ SEEDS_APART = 1000
 """Between the random confinements of one seed of a dataset and those of the next."""
 
 
-class GroundTruth(BaseModel):
-    """The model behind a dataset.
+class GroundTruth(ModelTruth):
+    """The model behind a dataset, and how far its analyses go.
 
     Parameters
     ----------
-    dataset : name
-    model : in the catalogue of classical models
     end_strains : driving strain at the end, by problem. CSUH softens: at twice these strains the
         corners under rough platens lose all pressure, and the explicit analysis with them.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    dataset: str
-    model: str
     end_strains: Mapping[str, float]
-
-    def cell(self) -> ClassicalCell:
-        """The ground truth itself, with the default parameters of the model.
-
-        Raises
-        ------
-        ModelError
-            If the catalogue does not have the model.
-        """
-        return find_model(self.model)()
 
 
 GROUND_TRUTHS: Mapping[str, GroundTruth] = {

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from typing import Any
 
 import xarray as xr
 
@@ -30,13 +31,22 @@ def ground_truth_cell(records: xr.Dataset) -> ClassicalCell | None:
     if text is None:
         return None
     try:
-        described = ParameterFile(**json.loads(text))
-        return described.cell(component_order(tuple(map(str, records["component"].values))))
+        stated = ParameterFile(**json.loads(text))
+        return stated.cell(component_order(tuple(map(str, records["component"].values))))
     except (ValueError, TypeError, ModelError) as error:
         raise DatasetError(
             f"{records.attrs.get('dataset', 'the dataset')}: its attribute {GROUND_TRUTH!r} "
             f"describes no model of this version ({error}); fetch or generate the dataset again"
         ) from error
+
+
+def described(cell: ClassicalCell) -> dict[str, Any]:
+    """A model as the attribute `ground_truth` of a dataset has it; see `ground_truth_cell`."""
+    return {
+        "model": cell.name,
+        "parameters": cell.values(),
+        "units": {parameter.name: parameter.units for parameter in cell.parameter_table},
+    }
 
 
 def recording_cell(model: str, parameters: Mapping[str, float]) -> ClassicalCell:

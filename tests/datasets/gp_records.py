@@ -11,8 +11,8 @@ from granbench.cell import Rollout
 from granbench.data import load
 from granbench.data.adapters import conditions_of
 from granbench.generators.classical.design import GROUND_TRUTHS
-from granbench.models import find_model
 from granbench.models.classical import ClassicalCell
+from granbench.models.ground_truth import recording_cell
 from granbench.tensors import deviatoric_stress, mean_stress
 
 NAMES = tuple(GROUND_TRUTHS)
@@ -33,9 +33,9 @@ def some(name: str, every: int = 8) -> xr.Dataset:
 
 
 def ground_truth(records: xr.Dataset) -> ClassicalCell:
-    """The model that the records say they come from."""
+    """The model that the records say they come from, as it made them."""
     truth = json.loads(records.attrs["ground_truth"])
-    return find_model(truth["model"])(truth["parameters"])
+    return recording_cell(truth["model"], truth["parameters"])
 
 
 def rollout(records: xr.Dataset) -> Rollout:

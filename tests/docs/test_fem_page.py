@@ -38,6 +38,9 @@ def test_tables_of_results_are_what_the_code_makes(part: str) -> None:
     assert fem_page.analysed_parts()[part] == written(part)
 
 
+CHAOTIC = ("network-fem-ime",)
+"""Where networks lose the truth so far that rounding decides what they do."""
+
 FOLLOWS = 5.0
 """Per cent of the reaction within which a network follows; beyond, rounding decides the rest."""
 
@@ -53,6 +56,9 @@ def followed(cell: str) -> str | None:
 def test_the_table_of_networks_is_what_the_boards_networks_do(part: str) -> None:
     exhibit = EXHIBITS[part]
     found = fem_network.network_part(exhibit, fem_network.analyses(exhibit))
+    if part not in CHAOTIC:
+        assert found == written(part)
+        return
     for again, row in zip(found.splitlines(), written(part).splitlines(), strict=True):
         cells = [[cell.strip() for cell in line.split("|")] for line in (again, row)]
         assert cells[0][:4] == cells[1][:4]  # problem, solver and the truth

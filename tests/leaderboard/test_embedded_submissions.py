@@ -19,12 +19,12 @@ from granbench.leaderboard.board import Row
 from granbench.leaderboard.build import build
 from granbench.leaderboard.chart import BOTTOM, HEIGHT, TOP, Line, share_chart
 from granbench.leaderboard.composition import compose
-from granbench.leaderboard.submission import file_digest, read_submission
+from granbench.leaderboard.submission import Submission, file_digest, read_submission
 from granbench.leaderboard.validation import validate
 from granbench.predictions import evaluated, open_predictions, write_predictions
 from granbench.protocols import predict
 from granbench.records import open_records, write_records
-from granbench.scoring import Score, score
+from granbench.scoring import Score, Scorecard, score
 
 
 @pytest.fixture(scope="module")
@@ -163,6 +163,19 @@ def test_analyses_agree_as_far_as_machines_do(metric, claimed, again, agree) -> 
     assert not RESCORED.holds(numbers(metric), claimed, again)
 
 
+def evaluated_twice(
+    stiffness: float, records: xr.Dataset, folder: Path
+) -> tuple[Submission, Scorecard, Path]:
+    """What is claimed of an elastic model of that stiffness, what is found again, and the file."""
+    out = folder / "model.json"
+    submitted(cell(Elastic(stiffness)), records, out, axes=["embedded"], seeds=(0,))
+    card = score(
+        open_predictions(out.with_suffix(".nc")), evaluated(records),
+        Normalisation.from_training(records),
+    )  # fmt: skip
+    return read_submission(out), card, out
+
+
 @pytest.mark.parametrize(
     ("stiffness", "factor", "agree"),
     [(0.9, 1.0, True), (0.9, 1.05, False), (0.5, 1.05, True), (0.5, 2.5, True), (0.5, 4.0, False)],
@@ -172,13 +185,7 @@ def test_errors_of_a_lost_analysis_need_not_agree_closely(
     records, tmp_path, stiffness: float, factor: float, agree: bool
 ) -> None:
     """Where half of the reaction is missing rounding may decide what follows."""
-    out = tmp_path / "model.json"
-    submitted(cell(Elastic(stiffness)), records, out, axes=["embedded"], seeds=(0,))
-    found = read_submission(out)
-    card = score(
-        open_predictions(out.with_suffix(".nc")), evaluated(records),
-        Normalisation.from_training(records),
-    )  # fmt: skip
+    found, card, out = evaluated_twice(stiffness, records, tmp_path)
 
     def changed(item: Score) -> Score:
         if item.metric != "reaction_error" or item.value is None:
@@ -210,13 +217,7 @@ def test_errors_of_a_lost_analysis_need_not_agree_closely(
 def test_a_lost_analysis_excuses_no_nonsense(
     records, tmp_path, stiffness: float, metric: str, claim: dict
 ) -> None:
-    out = tmp_path / "model.json"
-    submitted(cell(Elastic(stiffness)), records, out, axes=["embedded"], seeds=(0,))
-    found = read_submission(out)
-    card = score(
-        open_predictions(out.with_suffix(".nc")), evaluated(records),
-        Normalisation.from_training(records),
-    )  # fmt: skip
+    found, card, out = evaluated_twice(stiffness, records, tmp_path)
     scores = tuple(
         item.model_copy(update=claim) if item.metric == metric and item.value else item
         for item in found.scores

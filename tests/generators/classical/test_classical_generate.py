@@ -19,6 +19,7 @@ from granbench.generators.classical import generate as generate_module
 from granbench.generators.classical.design import GROUND_TRUTHS, GroundTruth
 from granbench.generators.classical.recorded import KEEP_BITS, recorded
 from granbench.models import find_model
+from granbench.models.ground_truth import recording_cell
 from granbench.paths.drawn import STRAIN_GRID
 from granbench.records import content_hashes, open_records, validate_records, verify
 
@@ -48,7 +49,7 @@ def test_dataset_is_valid_sealed_and_says_how_it_was_made(finished, dataset) -> 
     verify(dataset, str(path))
     assert dict(dataset.sizes) == {"path": 56, "step": 41, "component": 3, "strain_component": 3}
     truth = json.loads(dataset.attrs["ground_truth"])
-    cell = find_model(truth["model"])(truth["parameters"])
+    cell = recording_cell(truth["model"], truth["parameters"])
     assert cell.values() == find_model("j2")().values()
     configuration = json.loads(dataset.attrs["configuration"])
     assert configuration["splits"]["ood-rougher"]["family"]["l"] == [0.04, 0.08]
@@ -58,19 +59,19 @@ def test_dataset_is_valid_sealed_and_says_how_it_was_made(finished, dataset) -> 
 def test_a_fresh_rollout_of_the_cell_is_what_was_recorded(name: str) -> None:
     """Strain and start in the file are all that the run depended on.
 
-    The record was made with torch, the rollout is NumPy's, and the last bit of double precision may
-    differ; that moves one or two of these thousands of values to the next that a record can hold.
+    With gradients some models go through other instructions, whose last bit of double precision
+    may differ; that moves one value in a million to the next one that a record can hold.
     """
     ds = plane_records(name)
     truth = json.loads(ds.attrs["ground_truth"])
-    cell = find_model(truth["model"])(truth["parameters"])
+    cell = recording_cell(truth["model"], truth["parameters"])
     strain = torch.from_numpy(ds["strain"].values.astype(np.float64))
     with torch.no_grad():
         run = cell.rollout(strain, conditions_of(ds))
     assert set(run.internals) == set(cell.internals) <= set(ds.data_vars)
     for variable, values in {"stress": run.stress, **run.internals}.items():
         again, kept = recorded(variable, values), ds[variable].values
-        assert (again != kept).mean() < 1e-3, variable
+        assert (again != kept).mean() < 1e-4, variable
         step = {"rtol": 2.0**-KEEP_BITS, "atol": 1e-9 * np.abs(kept).max()}
         if ds[variable].attrs["units"] == "1":
             step = {"rtol": 0.0, "atol": STRAIN_GRID}
@@ -96,7 +97,7 @@ def test_tangents_are_slopes_of_the_step_from_the_recorded_state(name: str) -> N
     step, size = 17, 1e-5
     ds = plane_records(name).isel(path=slice(0, 24))
     truth = json.loads(ds.attrs["ground_truth"])
-    cell = find_model(truth["model"])(truth["parameters"])
+    cell = recording_cell(truth["model"], truth["parameters"])
     state = cell.initial_state(conditions_of(ds, step - 1))
     strain = torch.from_numpy(ds["strain"].values.astype(np.float64))
     increment = strain[:, step] - strain[:, step - 1]
