@@ -9,13 +9,19 @@ from pathlib import Path
 import pytest
 import xarray as xr
 from dataset_shelf import Shelf, make_shelf
+from hypothesis import settings
 from synthetic_records import synthetic_records
 
 from granbench.records import write_records
 
 
 def pytest_configure() -> None:
-    """Heed Ctrl-C, which tests send: a shell that runs the suite in the background ignores it."""
+    """Fix the seed of what is drawn, and heed Ctrl-C, which tests send.
+
+    A shell that runs the suite in the background ignores Ctrl-C.
+    """
+    settings.register_profile("fixed", derandomize=True)
+    settings.load_profile("fixed")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
