@@ -22,7 +22,12 @@ from granbench.leaderboard.submission import (
     file_digest,
     write_submission,
 )
-from granbench.predictions import evaluated, open_predictions, write_predictions
+from granbench.predictions import (
+    evaluated,
+    is_deterministic,
+    open_predictions,
+    write_predictions,
+)
 from granbench.scoring import METRIC_VERSION, score
 from granbench.whole_file import cannot_write
 
@@ -125,6 +130,7 @@ def _scored(file: Path, dataset: xr.Dataset, about: About) -> Submission:
             split_sha256=split_hash(dataset),
         ),
         seeds=tuple(int(seed) for seed in stored["seed"].values),
+        deterministic=is_deterministic(stored) or None,
         environment=Environment.here(),
         predictions=PredictionsReference(
             file=file.name, sha256=file_digest(file), bytes=file.stat().st_size

@@ -149,6 +149,10 @@ class Submission(About):
     task: Line
     dataset: DatasetReference
     seeds: tuple[int, ...] = Field(min_length=1)
+    deterministic: bool | None = Field(
+        default=None,
+        description="true: one and the same model under every seed, which only draws the noise",
+    )
     environment: Environment
     predictions: PredictionsReference | None = Field(
         default=None, description="or else `model`; one of the two bears the scores out"

@@ -144,13 +144,14 @@ def test_no_two_test_files_share_a_name() -> None:
 
 
 LAYERS = (
-    ("errors", "tensors", "whole_file", "bounded_reading", "rounding", "plausible"),
-    ("cell", "schema", "schema_check", "records"),
+    ("errors", "tensors", "whole_file", "bounded_reading", "rounding", "plausible", "user_code"),
+    ("cell", "step_differences", "schema", "schema_check", "records"),
     ("observations", "baseline", "axes", "checks", "boundary_values", "predictions"),
     ("plotting", "paths"),
     ("data",),
     ("models",),
     ("element_test", "stress_control", "difference_tangent"),
+    ("cell_check", "cell_contents", "cell_form", "tangent_check"),
     ("fem", "plotting.fem"),
     ("scoring",),
     ("protocols", "candidate"),

@@ -118,6 +118,8 @@ def drive(
         typer.echo(json.dumps(_summary(answer, cell, out, plot), indent=2))
     elif not quiet:
         typer.echo(_sentence(answer, cell, out))
+        for note in answer.notes:
+            typer.echo(f"note: {note}")
         if getattr(cell, "pressure_dependent", False) and (note := answer.tension()):
             typer.echo(f"note: {note}")
 

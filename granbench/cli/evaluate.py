@@ -1,5 +1,6 @@
 """`granbench evaluate`: score a model on a task and write its submission."""
 
+import json
 import shlex
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -92,7 +93,7 @@ def evaluate(
     from granbench.leaderboard.composition import check_target, compose
     from granbench.leaderboard.model_files import require_data_only
     from granbench.leaderboard.submission import About, read_submission
-    from granbench.predictions import evaluated
+    from granbench.predictions import CELL_NOTES, evaluated
     from granbench.protocols import predict, progress_parts
     from granbench.records import open_records
 
@@ -133,6 +134,8 @@ def evaluate(
         console = Console()
         for table in tables(submission, others):
             console.print(table)
+        for note in json.loads(predictions.attrs.get(CELL_NOTES, "[]")):
+            typer.echo(f"note: {note}")
         typer.echo(_written(submission, out))
 
 

@@ -21,7 +21,8 @@ def remarks(dataset: xr.Dataset) -> list[str]:
     dataset : of an analysis, as it is in its file
     """
     found = _imbalance(dataset), _turned(dataset)
-    return [sentence for sentence in found if sentence is not None]
+    notes = str(dataset.attrs.get("notes", "")).splitlines()
+    return notes + [sentence for sentence in found if sentence is not None]
 
 
 def first_turned_step(dataset: xr.Dataset) -> int | None:
