@@ -143,7 +143,8 @@ def _within(part: Any) -> list[tuple[str, Any]]:
         return list(held.items())
     within = list(held.items())
     if type(part).__module__.split(".")[0] not in LIBRARIES:
-        within += [(key, value) for key, value in vars(type(part)).items() if _of_class(key, value)]
+        own_class = vars(type(part)).items()
+        within += [item for item in own_class if item[0] not in held and _of_class(*item)]
         within += _within_function(own) if isinstance(own, types.FunctionType) else []
     return within
 
