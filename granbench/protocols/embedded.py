@@ -20,7 +20,8 @@ from granbench.boundary_values import (
     embedded_analyses,
     spread_points,
 )
-from granbench.cell import MaterialCell
+from granbench.cell import Conditions, MaterialCell
+from granbench.cell_check import POINTS
 from granbench.errors import ConfigurationError, DatasetError
 from granbench.fem import ExplicitSettings, ImplicitSettings, run
 from granbench.fem.analysis import settings_for
@@ -70,6 +71,15 @@ def embedded_obstacle(dataset: xr.Dataset, cells: Iterable[MaterialCell]) -> str
         return "the model reads its answers from the records and has none inside an analysis"
     _truth(dataset)
     return None
+
+
+def analysis_start(cell: MaterialCell, dataset: xr.Dataset) -> Conditions:
+    """What is known of a few Gauss points where the first analysis of a dataset begins."""
+    pressure = embedded_analyses(dataset)[0].confinement
+    scalars = {"initial_mean_stress": pressure, **start_of(_truth(dataset), pressure)}
+    stress = torch.tensor([[pressure, pressure, 0.0]] * POINTS, dtype=cell.dtype)
+    known = {name: torch.full((POINTS,), value).to(cell.dtype) for name, value in scalars.items()}
+    return Conditions(stress, known)
 
 
 def embedded(cell: MaterialCell, dataset: xr.Dataset) -> xr.Dataset:

@@ -26,7 +26,12 @@ from granbench.predictions import (
     assemble,
 )
 from granbench.protocols.cost import cost
-from granbench.protocols.embedded import embedded, embedded_obstacle, embedded_truth
+from granbench.protocols.embedded import (
+    analysis_start,
+    embedded,
+    embedded_obstacle,
+    embedded_truth,
+)
 from granbench.protocols.free_run import noise, rollout, strain_of, window
 from granbench.protocols.physics import physics
 from granbench.protocols.single_step import single_step
@@ -76,7 +81,7 @@ def predict(
     report = progress or (lambda seed, done: None)
     reads = any(cell.reads_records for cell in cells.values())
     with torch.no_grad(), ExitStack() as checks:
-        passed = _checked(cells, dataset, checks)
+        passed = _checked(cells, dataset, chosen, checks)
         notes = [note for check in passed.values() for note in check.notes]
         predicted = _predicted(cells, dataset, chosen, report)
         if _same_model(passed, predicted, chosen) and len(set(map(id, cells.values()))) > 1:
@@ -110,13 +115,18 @@ def predict(
 
 
 def _checked(
-    cells: Mapping[int, MaterialCell], dataset: xr.Dataset, checks: ExitStack
+    cells: Mapping[int, MaterialCell], dataset: xr.Dataset, axes: Iterable[str], checks: ExitStack
 ) -> dict[int, CellCheck]:
-    """The check of each seed's cell, which lasts as long as `checks`."""
+    """The check of each seed's cell, which lasts as long as `checks`.
+
+    Cells start as the records do or, where only analyses are made, as those do.
+    """
+    of_analyses = set(axes) == {EMBEDDED} and not embedded_obstacle(dataset, cells.values())
     passed: dict[int, CellCheck] = {}
     for cell in cells.values():
         if id(cell) not in passed:
-            passed[id(cell)] = checks.enter_context(checked_cell(cell, *_probe(cell, dataset)))
+            probe = (analysis_start(cell, dataset),) if of_analyses else _probe(cell, dataset)
+            passed[id(cell)] = checks.enter_context(checked_cell(cell, *probe))
     return {seed: passed[id(cell)] for seed, cell in cells.items()}
 
 

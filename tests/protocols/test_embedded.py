@@ -234,10 +234,10 @@ def test_both_solvers_have_the_stated_steps() -> None:
         made(cell(Elastic()), task(analyses=(cycles,)))
 
 
-def test_a_strangers_cell_that_raises_is_named() -> None:
+def test_user_code_that_raises_is_named() -> None:
     class Broken(Elastic):
         def forward(self, dstrain, state):
             raise KeyError("fabric")
 
-    with pytest.raises(ModelError, match="failed in protocol embedded with KeyError"):
+    with pytest.raises(ModelError, match=r"failed with KeyError \(.fabric.\) at test_embedded.py line"):
         made(cell(Broken()), task(analyses=(ROUGH,)))
