@@ -135,7 +135,7 @@ def evaluate(
         for table in tables(submission, others):
             console.print(table)
         for note in json.loads(predictions.attrs.get(CELL_NOTES, "[]")):
-            typer.echo(f"note: {note}")
+            console.print(f"note: {note}", markup=False, highlight=False)
         typer.echo(_written(submission, out))
 
 

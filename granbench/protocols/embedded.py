@@ -78,7 +78,9 @@ def analysis_start(cell: MaterialCell, dataset: xr.Dataset) -> Conditions:
     pressure = embedded_analyses(dataset)[0].confinement
     scalars = {"initial_mean_stress": pressure, **start_of(_truth(dataset), pressure)}
     stress = torch.tensor([[pressure, pressure, 0.0]] * POINTS, dtype=cell.dtype)
-    known = {name: torch.full((POINTS,), value).to(cell.dtype) for name, value in scalars.items()}
+    known = {
+        name: torch.full((POINTS,), value, dtype=cell.dtype) for name, value in scalars.items()
+    }
     return Conditions(stress, known)
 
 

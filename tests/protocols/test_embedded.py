@@ -169,11 +169,11 @@ def test_networks_and_cells_without_a_tangent_work_in_both_solvers(model, tolera
 
 def test_a_model_learns_of_the_start_what_a_record_would_tell_it() -> None:
     """At every start that there is, that which only warms up included."""
-    told: set[float] = set()
+    known: set[float] = set()
 
     def start(conditions: Conditions) -> torch.Tensor:
         void_ratio = conditions.require("initial_void_ratio")
-        told.update(void_ratio.tolist())
+        known.update(void_ratio.tolist())
         return torch.cat([conditions.stress, torch.zeros_like(conditions.stress)], dim=1)
 
     truth = find_model("csuh")()
@@ -183,7 +183,7 @@ def test_a_model_learns_of_the_start_what_a_record_would_tell_it() -> None:
     model._start = start
     made(model, task(truth, (pressed,)))
     state = truth.initial_state(Conditions(torch.tensor([[1e5, 1e5, 0.0]], dtype=torch.float64)))
-    assert told == {float(state.detach()[0, truth.layout["void_ratio"]])}
+    assert known == {float(state.detach()[0, truth.layout["void_ratio"]])}
 
 
 def test_a_floor_without_stiffness_says_why_it_fails() -> None:
