@@ -196,4 +196,4 @@ def _check_text(text: str) -> None:
 
 def shortened(text: str, longest: int = 40) -> str:
     """A text in quotes for a sentence, cut where it is long, in ASCII where it is not readable."""
-    return ascii(text) if len(text) <= longest else f"{ascii(text[:longest])}..."
+    return ascii(text) if len(text) <= longest else f"{text[:longest]!a}..."
