@@ -30,7 +30,7 @@ LONGEST_READ = 60.0
 LONGEST_COMPUTATION = 8.0
 """Seconds of processor time that reading a small file may take."""
 SECONDS_PER_BYTE = 1e-5
-"""By which both grow with the size of the file: 10 s a megabyte, far more than a sound file needs."""
+"""By which both grow with the size of the file: 10 s a megabyte, far more than any needs."""
 MOST_MEMORY = 3 * 2**29
 """Bytes that the process which reads one file may allocate beyond what it starts with: with the
 libraries it stays below 2 GB."""
