@@ -38,6 +38,7 @@ __all__ = [
     "describe",
     "mark_as_checked",
     "open_records",
+    "open_records_here",
     "path_blocks",
     "seal",
     "validate_records",
@@ -263,6 +264,23 @@ def open_records(
         read_bounded(path, DatasetError, check_records, path)
         mark_as_checked(path)
     return open_netcdf(path, DatasetError, _REMEDY, chunks=chunks)
+
+
+def open_records_here(path: Path) -> xr.Dataset:
+    """As `open_records`, but the first reading is made in this process.
+
+    For functions that are called within `read_bounded`.
+
+    Raises
+    ------
+    DatasetError
+        See `open_records`.
+    """
+    require_netcdf(path, DatasetError, _REMEDY)
+    if _mark(path) not in _checked:
+        check_records(path)
+        mark_as_checked(path)
+    return open_netcdf(path, DatasetError, _REMEDY)
 
 
 def check_records(path: Path) -> None:

@@ -16,6 +16,7 @@ from granbench import __version__
 from granbench.cli import data, drive, evaluate, fem, fit, generate, leaderboard, submission, train
 from granbench.cli.termination import INTERRUPTED
 from granbench.errors import GranbenchError
+from granbench.printable import printable
 
 USER_ERROR = 2
 
@@ -93,7 +94,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 
 def _fail(sentence: str) -> NoReturn:
-    typer.echo(sentence if sentence.startswith("Usage:") else f"error: {sentence}", err=True)
+    text = sentence if sentence.startswith("Usage:") else f"error: {sentence}"
+    typer.echo(printable(text), err=True)
     sys.exit(USER_ERROR)
 
 

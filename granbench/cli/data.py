@@ -23,8 +23,14 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a tabl
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 
 
+def _say(text: object) -> None:
+    from granbench.printable import printable
+
+    typer.echo(printable(text))
+
+
 def _print_json(value: Any) -> None:
-    typer.echo(json.dumps(value, indent=2, ensure_ascii=False))
+    _say(json.dumps(value, indent=2, ensure_ascii=False))
 
 
 @contextmanager
@@ -74,42 +80,28 @@ def info(
 ) -> None:
     """Describe a dataset: splits, loading, quality, and the scatter between packings."""
     from granbench.data.store import file_of
-    from granbench.data.summary import summarise
-    from granbench.records import open_records
+    from granbench.data.summary import listed_paths, summarise_file
+    from granbench.data.verification import read_as_trusted
 
     with _download_bar() as progress:
         file = file_of(source, progress)
-    with open_records(file) as ds:
-        _check_seal(ds, file)
-        if paths:
-            _print_paths(ds, as_json)
-            return
-        summary = summarise(ds) | {"file": str(file), "bytes": file.stat().st_size}
+    if paths:
+        rows = read_as_trusted(file, listed_paths)
+        if as_json:
+            _print_json(rows)
+        else:
+            _say("\n".join("  ".join(row.values()) for row in rows))
+        return
+    summary = read_as_trusted(file, summarise_file)
+    summary |= {"file": str(file), "bytes": file.stat().st_size}
     if as_json:
         _print_json(summary)
     else:
         _print_summary(summary)
 
 
-def _check_seal(ds: Any, file: Path) -> None:
-    """A sealed file is what its hashes say; one that was never sealed may be anyone's."""
-    from granbench.records import verify as verify_records
-
-    if "content_sha256" in ds.attrs:
-        verify_records(ds, str(file))
-
-
-def _print_paths(ds: Any, as_json: bool) -> None:
-    columns = ("path_id", "specimen", "split", "loading_family")
-    rows = list(zip(*(ds[name].values.astype(str).tolist() for name in columns), strict=True))
-    if as_json:
-        _print_json([dict(zip(columns, row, strict=True)) for row in rows])
-        return
-    for row in rows:
-        typer.echo("  ".join(row))
-
-
 def _print_summary(summary: dict[str, Any]) -> None:
+    summary = _printable_values(summary)
     console = Console(markup=False)
     facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     facts.add_column()
@@ -147,6 +139,17 @@ def _print_summary(summary: dict[str, Any]) -> None:
         console.print(_strain_path_table(summary["strain_paths"]))
     for sentence in (_leak_sentence(summary["leaks"]), *_scatter_sentences(summary)):
         console.print(sentence, highlight=False, soft_wrap=True)
+
+
+def _printable_values(value: Any) -> Any:
+    """The same with all text, keys of objects too, safe for a terminal."""
+    from granbench.printable import printable
+
+    if isinstance(value, dict):
+        return {printable(key): _printable_values(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_printable_values(inner) for inner in value]
+    return printable(value) if isinstance(value, str) else value
 
 
 def _strain_path_table(by_split: dict[str, dict[str, Any]]) -> Table:
@@ -213,7 +216,7 @@ def fetch(
     if as_json:
         _print_json({"name": name, "file": str(file)})
     elif not quiet:
-        typer.echo(str(file))
+        _say(file)
 
 
 @app.command()
@@ -229,8 +232,13 @@ def verify(source: Source, as_json: Json = False, quiet: Quiet = False) -> None:
         registered = f"{entry.id}@{entry.version}" if entry else None
         _print_json({"file": str(file), "verified": True, "registered": registered})
     elif not quiet:
-        known = f"is {entry.id} {entry.version} of the registry" if entry else "is not registered"
-        typer.echo(f"{file}: every variable agrees with its hash; the dataset {known}")
+        known = (
+            f"is {entry.id} {entry.version} of the registry, and its attributes agree with it too"
+            if entry
+            else "is not registered, so that nothing vouches for who made it, its ground truth, its "
+            "licence or any other attribute but its configuration"
+        )
+        _say(f"{file}: every variable agrees with its hash; the dataset {known}")
 
 
 @app.command()
@@ -246,22 +254,17 @@ def plot(
 ) -> None:
     """Draw stress ratio and void ratio against axial strain, or strain paths and stresses."""
     from granbench.data.store import file_of
-    from granbench.plotting import dataset_figure, strain_path_figure
-    from granbench.plotting.style import figure_format, save_figure
-    from granbench.records import open_records
-    from granbench.tensors import component_order
+    from granbench.data.summary import draw_file
+    from granbench.data.verification import read_as_trusted
+    from granbench.plotting.style import figure_format
 
     if out is not None:
         figure_format(out)  # before anything is fetched
     with _download_bar(quiet) as progress:
         file = file_of(source, progress)
-    with open_records(file) as ds:
-        _check_seal(ds, file)
-        in_plane = component_order(tuple(map(str, ds["component"].values))) == "plane"
-        draw = strain_path_figure if in_plane else dataset_figure
-        picture = save_figure(draw(ds, paths=path or None), out or Path(f"{file.stem}.png"))
+    picture = read_as_trusted(file, draw_file, out or Path(f"{file.stem}.png"), path or None)
     if not quiet:
-        typer.echo(str(picture))
+        _say(picture)
 
 
 @app.command(hidden=True)
@@ -286,7 +289,7 @@ def register(
         mirrors=mirror or (),
         replace=replace,
     )
-    typer.echo(f"registered {entry.id} {entry.version}: {entry.bytes} bytes, {entry.sha256}")
+    _say(f"registered {entry.id} {entry.version}: {entry.bytes} bytes, {entry.sha256}")
 
 
 @app.command(hidden=True)
@@ -298,4 +301,4 @@ def mini(
     from granbench.data.publish import publish_mini
 
     entry = publish_mini(file, replace=replace)
-    typer.echo(f"registered {entry.id} {entry.version}: {entry.bytes} bytes, {entry.sha256}")
+    _say(f"registered {entry.id} {entry.version}: {entry.bytes} bytes, {entry.sha256}")

@@ -1,7 +1,9 @@
 """Whether a file is what it says it is, and what the registry says of it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Concatenate, ParamSpec, TypeVar
 
 from granbench.bounded_reading import read_bounded
 from granbench.data.registry import RegistryEntry, entries
@@ -10,11 +12,13 @@ from granbench.data.store import Progress, file_of, registered_file
 from granbench.errors import DatasetError
 from granbench.records import (
     attributes_hash,
-    check_records,
     mark_as_checked,
-    open_records,
+    open_records_here,
     verify,
 )
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -76,26 +80,44 @@ def verify_file(path: Path) -> RegistryEntry | None:
         If the file breaks the schema; if a variable differs from its hash, by name; if the file
         was changed and sealed again under a registered version.
     """
-    if path.is_file() and registered_file(path) is not None:
-        found = identify(path)
-    else:
-        found = read_bounded(path, DatasetError, identify_checked, path)
-        mark_as_checked(path)
+    found = read_as_trusted(path, identify)
+    mark_as_checked(path)
     entry = {(e.id, e.version): e for e in entries()}.get((found.name, found.version))
     if entry is not None:
         _compare(found, entry, path)
     return entry
 
 
+def read_as_trusted(
+    path: Path, function: Callable[Concatenate[Path, P], T], *arguments: P.args, **options: P.kwargs
+) -> T:
+    """Call a function that reads a file of records, with bounds unless the file is registered.
+
+    Parameters
+    ----------
+    path : the file; one that is registered, byte for byte, is read in this process, any other one
+        as `granbench.bounded_reading.read_bounded` does
+    function : of the path and of `arguments` and `options`; see `read_bounded`
+
+    Raises
+    ------
+    DatasetError
+        If the file breaks a bound, or see the function.
+    """
+    if registered_file(path) is not None:
+        return function(path, *arguments, **options)
+    return read_bounded(path, DatasetError, function, path, *arguments, **options)
+
+
 def identify(path: Path) -> Identity:
-    """Verify a file in this process and say what it is.
+    """Verify a file, in this process, and say what it is.
 
     Raises
     ------
     DatasetError
         If a variable differs from its hash, by name.
     """
-    with open_records(path) as ds:
+    with open_records_here(path) as ds:
         verify(ds, str(path))
         return Identity(
             name=ds.attrs["dataset"],
@@ -104,19 +126,6 @@ def identify(path: Path) -> Identity:
             content_sha256=ds.attrs["content_sha256"],
             attributes_sha256=attributes_hash(ds),
         )
-
-
-def identify_checked(path: Path) -> Identity:
-    """As `identify`, after the check against the schema in the same process.
-
-    Raises
-    ------
-    DatasetError
-        See `check_records` and `identify`.
-    """
-    check_records(path)
-    mark_as_checked(path)
-    return identify(path)
 
 
 def _compare(found: Identity, entry: RegistryEntry, path: Path) -> None:
