@@ -1,6 +1,5 @@
 """`granbench data`: list, info, fetch, verify and plot datasets."""
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +9,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 from rich.table import Table
+
+from granbench.cli.printing import print_json, show
 
 if TYPE_CHECKING:
     from granbench.data.fetch import Progress as OnProgress
@@ -21,10 +22,6 @@ app = typer.Typer(
 Source = Annotated[str, typer.Argument(metavar="NAME|FILE", help="Dataset name or netCDF file.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-
-
-def _print_json(value: Any) -> None:
-    typer.echo(json.dumps(value, indent=2, ensure_ascii=False))
 
 
 @contextmanager
@@ -51,7 +48,7 @@ def list_datasets(as_json: Json = False) -> None:
 
     rows = [(entry, present_file(entry)) for entry in entries()]
     if as_json:
-        _print_json(
+        print_json(
             [
                 entry.model_dump(mode="json") | {"local_file": str(file) if file else None}
                 for entry, file in rows
@@ -63,7 +60,7 @@ def list_datasets(as_json: Json = False) -> None:
         size = f"{entry.bytes / 1e6:.1f} MB"
         place = "yes" if file else "no"
         table.add_row(entry.id, entry.version, entry.tier, size, place, entry.title)
-    Console(markup=False).print(table)
+    show(table)
 
 
 @app.command()
@@ -86,7 +83,7 @@ def info(
             return
         summary = summarise(ds) | {"file": str(file), "bytes": file.stat().st_size}
     if as_json:
-        _print_json(summary)
+        print_json(summary)
     else:
         _print_summary(summary)
 
@@ -103,17 +100,16 @@ def _print_paths(ds: Any, as_json: bool) -> None:
     columns = ("path_id", "specimen", "split", "loading_family")
     rows = list(zip(*(ds[name].values.astype(str).tolist() for name in columns), strict=True))
     if as_json:
-        _print_json([dict(zip(columns, row, strict=True)) for row in rows])
+        print_json([dict(zip(columns, row, strict=True)) for row in rows])
         return
     for row in rows:
         typer.echo("  ".join(row))
 
 
 def _print_summary(summary: dict[str, Any]) -> None:
-    console = Console(markup=False)
     facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     facts.add_column()
-    facts.add_column(overflow="fold")
+    facts.add_column()
     for key in ("file", "licence", "thesis_section", "generator", "engine", "content_sha256"):
         facts.add_row(key.replace("_", " "), str(summary[key]))
     facts.add_row("size", f"{summary['bytes'] / 1e6:.2f} MB")
@@ -137,16 +133,16 @@ def _print_summary(summary: dict[str, Any]) -> None:
         facts.add_row("e0", f"{low:.3f} to {high:.3f}")
     for key, value in summary["quality"].items():
         facts.add_row(key.replace("_", " "), f"{value:.3g}")
-    console.print(f"{summary['dataset']} {summary['version']}", style="bold")
-    console.print(facts)
+    show(f"{summary['dataset']} {summary['version']}", style="bold")
+    show(facts)
     splits = Table("split", "paths", "specimens")
     for name, counts in summary["splits"].items():
         splits.add_row(name, str(counts["paths"]), str(counts["specimens"]))
-    console.print(splits)
+    show(splits)
     if "strain_paths" in summary:
-        console.print(_strain_path_table(summary["strain_paths"]))
+        show(_strain_path_table(summary["strain_paths"]))
     for sentence in (_leak_sentence(summary["leaks"]), *_scatter_sentences(summary)):
-        console.print(sentence, highlight=False, soft_wrap=True)
+        typer.echo(sentence)
 
 
 def _strain_path_table(by_split: dict[str, dict[str, Any]]) -> Table:
@@ -211,7 +207,7 @@ def fetch(
     with _download_bar(quiet) as progress:
         file = bring(name, dest, progress) if dest else dataset_file(name, progress)
     if as_json:
-        _print_json({"name": name, "file": str(file)})
+        print_json({"name": name, "file": str(file)})
     elif not quiet:
         typer.echo(str(file))
 
@@ -227,7 +223,7 @@ def verify(source: Source, as_json: Json = False, quiet: Quiet = False) -> None:
     entry = verify_file(file)
     if as_json:
         registered = f"{entry.id}@{entry.version}" if entry else None
-        _print_json({"file": str(file), "verified": True, "registered": registered})
+        print_json({"file": str(file), "verified": True, "registered": registered})
     elif not quiet:
         known = f"is {entry.id} {entry.version} of the registry" if entry else "is not registered"
         typer.echo(f"{file}: every variable agrees with its hash; the dataset {known}")

@@ -1,6 +1,5 @@
 """`granbench drive`: take a model through an element test or along a path of one's own."""
 
-import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from granbench.cli.drive_options import AskedCourse, scalars_at_start
 from granbench.cli.options import refuse_overwriting, require_writable
+from granbench.cli.printing import print_json
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def drive(
     if plot is not None:
         save_figure(element_test_figure(answer.records, cell.name, course.component), plot)
     if as_json:
-        typer.echo(json.dumps(_summary(answer, cell, out, plot), indent=2))
+        print_json(_summary(answer, cell, out, plot))
     elif not quiet:
         typer.echo(_sentence(answer, cell, out))
         if getattr(cell, "pressure_dependent", False) and (note := answer.tension()):

@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from granbench.cli.drive_options import scalars_at_start
 from granbench.cli.options import require_writable
+from granbench.cli.printing import print_json
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import AnalysisError, ConfigurationError
 
@@ -140,7 +141,7 @@ def fem(
         series = _write_pictures(analysis, vtu, plot)
         _end(analysis, out)
     if as_json:
-        typer.echo(json.dumps(_summary(analysis, out, series, plot), indent=2))
+        print_json(_summary(analysis, out, series, plot))
     elif not quiet:
         typer.echo(_sentence(analysis, out))
         for remark in remarks(analysis.dataset):

@@ -1,6 +1,5 @@
 """`granbench fit`: fit a classical model to laboratory tests of one's own."""
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from granbench.cli.options import refuse_overwriting, require_one_of
+from granbench.cli.printing import print_json, show
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError
 from granbench.whole_file import whole_folder
@@ -174,11 +174,9 @@ def fit(
         if not (folder / RECORDS).exists():
             (out / RECORDS).unlink(missing_ok=True)  # of an earlier fit, to other tests
     if as_json:
-        typer.echo(json.dumps(report | {"folder": str(out)}, indent=2, ensure_ascii=False))
+        print_json(report | {"folder": str(out)})
     elif not quiet:
-        console = Console()
-        for table in _tables(report):
-            console.print(table)
+        show(*_tables(report))
         for warning in report["warnings"]:
             typer.echo(f"note: {warning}")
         typer.echo(f"the parameters are in {out / PARAMETERS}, the picture in {out / 'fit.png'}")

@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from granbench.cli.printing import print_json
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError, GranbenchError
 
@@ -90,7 +91,7 @@ def train(
         )
     description = json.loads((folder / DESCRIPTION_FILE).read_text())
     if as_json:
-        typer.echo(json.dumps(description | {"folder": str(folder)}, indent=2))
+        print_json(description | {"folder": str(folder)})
     elif not quiet:
         run = description["training"]
         typer.echo(
