@@ -10,6 +10,8 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 from rich.table import Table
 
+from granbench.cli.options import refuse_overwriting, require_writable
+from granbench.cli.pictures import draw_picture
 from granbench.cli.printing import print_json, show
 
 if TYPE_CHECKING:
@@ -243,19 +245,23 @@ def plot(
     """Draw stress ratio and void ratio against axial strain, or strain paths and stresses."""
     from granbench.data.store import file_of
     from granbench.plotting import dataset_figure, strain_path_figure
-    from granbench.plotting.style import figure_format, save_figure
+    from granbench.plotting.style import figure_format
     from granbench.records import open_records
     from granbench.tensors import component_order
 
-    if out is not None:
-        figure_format(out)  # before anything is fetched
+    if out is not None:  # before anything is fetched
+        figure_format(out)
+        require_writable("--out", out)
+        refuse_overwriting(out, "NAME|FILE", Path(source))
     with _download_bar(quiet) as progress:
         file = file_of(source, progress)
     with open_records(file) as ds:
         _check_seal(ds, file)
         in_plane = component_order(tuple(map(str, ds["component"].values))) == "plane"
         draw = strain_path_figure if in_plane else dataset_figure
-        picture = save_figure(draw(ds, paths=path or None), out or Path(f"{file.stem}.png"))
+        picture = draw_picture(
+            out or Path(f"{file.stem}.png"), lambda: draw(ds, paths=path or None)
+        )
     if not quiet:
         typer.echo(str(picture))
 
