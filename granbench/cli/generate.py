@@ -1,11 +1,11 @@
 """`granbench generate`: run, or continue, the campaign that makes a dataset."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from granbench.cli.printing import print_json
 from granbench.cli.termination import stopped_by_sigterm
 
 
@@ -46,7 +46,7 @@ def generate(
             "failed": report.failed,
             "damaged": report.damaged,
         }
-        typer.echo(json.dumps(outcome, indent=1))
+        print_json(outcome)
         return
     if quiet:
         return

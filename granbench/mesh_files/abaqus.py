@@ -58,9 +58,7 @@ def read_abaqus(path: Path) -> MeshContents:
     for keyword, rows in _keywords(text.splitlines()):
         reader.take(keyword, rows)
     assembly = Assembly(reader.instances, list(reader.parts.values()), reader.root)
-    return assembly.contents(
-        reader.node_sets, reader.element_sets, reader.surfaces, reader.names
-    )
+    return assembly.contents(reader.node_sets, reader.element_sets, reader.surfaces, reader.names)
 
 
 def _keywords(lines: list[str]) -> list[tuple[_Keyword, Rows]]:
