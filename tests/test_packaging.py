@@ -144,7 +144,7 @@ def test_no_two_test_files_share_a_name() -> None:
 
 
 LAYERS = (
-    ("errors", "tensors", "whole_file", "bounded_reading", "rounding", "plausible"),
+    ("errors", "tensors", "whole_file", "bounded_reading", "rounding", "plausible", "turning_points"),
     ("cell", "schema", "schema_check", "records"),
     ("observations", "baseline", "axes", "checks", "boundary_values", "predictions"),
     ("plotting", "paths"),

@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 PARAMETERS = "parameters.json"
 RECORDS = "tests.nc"
+MOST_TESTS_SHOWN = 12
 WIDE, VAST = 4.0, 100.0
 """An interval that is so many times its value wide, or over whose ends differ by such a factor,
 tells next to nothing."""
@@ -87,7 +89,15 @@ def fit(
     ] = 0,
     column: Annotated[
         list[str] | None,
-        typer.Option("--column", metavar="QUANTITY=HEADER", help="As axial_strain=eps_ax."),
+        typer.Option(
+            "--column",
+            metavar="QUANTITY=HEADER",
+            help="What a column holds, as axial_strain=eps_ax or pore_pressure=PWP2.",
+        ),
+    ] = None,
+    ignore: Annotated[
+        list[str] | None,
+        typer.Option("--ignore", metavar="HEADER", help="Leave out this column of the files."),
     ] = None,
     unit: Annotated[
         list[str] | None,
@@ -95,8 +105,42 @@ def fit(
     ] = None,
     kind: Annotated[
         str | None,
-        typer.Option("--kind", help="What was controlled, such as triaxial-drained; else told."),
+        typer.Option(
+            "--kind",
+            help="What was controlled, such as triaxial-undrained or oedometer; recognised from "
+            "the file by default.",
+        ),
     ] = None,
+    stresses: Annotated[
+        str | None,
+        typer.Option(
+            "--stresses",
+            metavar="effective|total",
+            help="What the stresses are whose headers do not say it.",
+        ),
+    ] = None,
+    cell_pressure: Annotated[
+        float | None,
+        typer.Option(
+            "--cell-pressure", metavar="PA", help="Constant total one, where a file has none."
+        ),
+    ] = None,
+    back_pressure: Annotated[
+        float | None,
+        typer.Option(
+            "--back-pressure",
+            metavar="PA",
+            help="Pore pressure at the start, where a file does not give it.",
+        ),
+    ] = None,
+    k0: Annotated[
+        float,
+        typer.Option(
+            "--k0",
+            help="Lateral over axial stress at the start of an oedometer test without lateral "
+            "stress.",
+        ),
+    ] = 0.5,
     monotonic: Annotated[
         bool, typer.Option("--monotonic", help="Refuse an axial strain that falls.")
     ] = False,
@@ -111,7 +155,11 @@ def fit(
     ] = None,
     lateral_stress: Annotated[
         float | None,
-        typer.Option("--lateral-stress", metavar="PA", help="Where a file has none."),
+        typer.Option(
+            "--lateral-stress",
+            metavar="PA",
+            help="Constant effective one, where a file has none.",
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
@@ -121,6 +169,9 @@ def fit(
     The folder then holds parameters.json (for `drive`, `evaluate` and `fem`), fit.json, curves.csv,
     fit.png and, where every test is complete, tests.nc: records to score any model on. They come
     together at the end: a fit that is interrupted leaves the folder as it was.
+
+    How each file was understood is printed and kept in fit.json: kind of test, drainage, which
+    stresses are effective and why, p0. What a file leaves open is asked about.
     """
     if out.exists() and not out.is_dir():
         raise ConfigurationError(f"--out {out} is a file; give a folder")
@@ -128,7 +179,7 @@ def fit(
     from granbench.baselines.fitting import Effort, FitSettings
     from granbench.baselines.fitting import fit as fitted
     from granbench.baselines.fitting.observations import CONTROLS
-    from granbench.baselines.fitting.report import report_of
+    from granbench.baselines.fitting.report import PICTURE, report_of
     from granbench.driven_model import ModelChoice
     from granbench.laboratory import ImportSettings
     from granbench.models import find_model
@@ -139,14 +190,19 @@ def fit(
         file = Path(text.partition("::")[0])
         refuse_overwriting(out / RECORDS, f"--data {file}", file)
     reading = ImportSettings(
-        columns=_pairs("--column", column),
+        columns=_columns(column),
         units=_pairs("--unit", unit),
+        ignore=tuple(ignore or ()),
         kind=kind,
+        stresses=stresses,
         monotonic=monotonic,
         tension_positive=tension_positive,
         strain_measure=strain_measure,
         initial_void_ratio=e0,
         lateral_stress=lateral_stress,
+        cell_pressure=cell_pressure,
+        back_pressure=back_pressure,
+        k0=k0,
     )
     settings = FitSettings(
         free=None if free is None else tuple(filter(None, map(str.strip, free.split(",")))),
@@ -173,15 +229,19 @@ def fit(
         _write(found, report, tests, left_out, folder)
         if not (folder / RECORDS).exists():
             (out / RECORDS).unlink(missing_ok=True)  # of an earlier fit, to other tests
+    drawn = _draw(found, out / PICTURE)
     if as_json:
         typer.echo(json.dumps(report | {"folder": str(out)}, indent=2, ensure_ascii=False))
     elif not quiet:
+        for line in _understood(report):
+            typer.echo(line)
         console = Console()
         for table in _tables(report):
             console.print(table)
         for warning in report["warnings"]:
-            typer.echo(f"note: {warning}")
-        typer.echo(f"the parameters are in {out / PARAMETERS}, the picture in {out / 'fit.png'}")
+            typer.echo(f"note: {plain(warning)}")
+        picture = f", the picture in {out / PICTURE}" if drawn else ""
+        typer.echo(f"the parameters are in {out / PARAMETERS}{picture}")
 
 
 def _pairs(option: str, texts: Sequence[str] | None) -> dict[str, str]:
@@ -192,6 +252,20 @@ def _pairs(option: str, texts: Sequence[str] | None) -> dict[str, str]:
             raise ConfigurationError(f"{option} {text!r}: give NAME=VALUE")
         pairs[name.strip()] = value.strip()
     return pairs
+
+
+def _columns(texts: Sequence[str] | None) -> dict[str, str]:
+    """Header of each quantity, from QUANTITY=HEADER or HEADER=QUANTITY."""
+    from granbench.laboratory.quantities import QUANTITIES
+
+    columns = {}
+    for text in texts or ():
+        first, _, rest = text.partition("=")
+        front, _, last = text.rpartition("=")
+        if first.strip() not in QUANTITIES and last.strip() in QUANTITIES and front:
+            first, rest = last, front
+        columns |= _pairs("--column", [f"{first}={rest}" if rest else text])
+    return columns
 
 
 def _number(option: str, text: str) -> float:
@@ -246,28 +320,59 @@ def _write(
     left_out: Sequence["LaboratoryTest"],
     out: Path,
 ) -> None:
-    from granbench.baselines.fitting.report import (
-        CURVES,
-        PICTURE,
-        REPORT,
-        write_curves,
-        write_report,
-    )
+    from granbench.baselines.fitting.report import CURVES, REPORT, write_curves, write_report
     from granbench.laboratory import to_records
     from granbench.models.parameter_file import write_parameters
-    from granbench.plotting import save_figure
-    from granbench.plotting.fit import fit_figure
     from granbench.records import write_records
 
     write_report(report, out / REPORT)
     write_curves(found, out / CURVES)
-    save_figure(fit_figure({found.cell.name: found.curves}), out / PICTURE)
     every = [*tests, *left_out]
-    if all(test.lateral_strain_known for test in every):
+    if all(test.is_complete for test in every):
         names = [test.name for test in left_out]
         write_records(to_records(every, left_out=names), out / RECORDS)
     # Last: who finds it finds the rest as well.
     write_parameters(found.cell, out / PARAMETERS)
+
+
+def _draw(found: "Fit", path: Path) -> bool:
+    """Draw the fit; a picture that fails is a note, for the results are there."""
+    # Drawing may fail in ways of its own: a missing font, a backend that the environment names.
+    try:
+        from granbench.plotting import save_figure
+        from granbench.plotting.fit import fit_figure
+
+        save_figure(fit_figure({found.cell.name: found.curves}), path)
+    except Exception as problem:
+        reason = str(problem).partition("\n")[0] or type(problem).__name__
+        with suppress(OSError):
+            path.unlink(missing_ok=True)  # of an earlier fit
+        typer.echo(f"note: no picture was drawn ({reason}); the results are complete", err=True)
+        return False
+    return True
+
+
+def _understood(report: dict[str, Any]) -> Iterator[str]:
+    """How each test was understood, for the terminal; of many, the first ones."""
+    for test in report["tests"][:MOST_TESTS_SHOWN]:
+        void_ratio = test["initial_void_ratio"]
+        parts = [f"{test['kind']} ({test['kind_from']})" if test["kind_from"] else test["kind"]]
+        parts += [test[key] for key in ("drainage", "stresses") if test[key]]
+        parts.append(f"p0 = {test['initial_mean_stress'] / 1e3:.6g} kPa")
+        parts += [] if void_ratio is None else [f"e0 = {void_ratio:.4g}"]
+        parts += [f"{test['strain_measure']} strain"] if test["strain_measure"] else []
+        parts += test["notes"]
+        if test["columns_not_used"]:
+            parts.append(f"columns not used: {', '.join(test['columns_not_used'])}")
+        parts.append(f"{test['points']} rows read, {test['points_used']} used")
+        yield f"{plain(test['name'])}: {plain('; '.join(parts))}"
+    if (more := len(report["tests"]) - MOST_TESTS_SHOWN) > 0:
+        yield f"{more} more tests: see tests in fit.json"
+
+
+def plain(text: str) -> str:
+    """A text from a file without the characters that steer a terminal."""
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def _tables(report: dict[str, Any]) -> Iterator[Table]:
@@ -290,7 +395,7 @@ def _tables(report: dict[str, Any]) -> Iterator[Table]:
         parts = [row["by_quantity"].get(name) for name in quantities]
         shown_parts = ["–" if part is None else f"{100.0 * part:.3g}" for part in parts]
         role = "" if row["role"] == "fitted" else row["role"]
-        table.add_row(row["test"], role, f"{100.0 * row['error']:.3g}", *shown_parts)
+        table.add_row(escape(plain(row["test"])), role, f"{100.0 * row['error']:.3g}", *shown_parts)
     yield table
 
 
