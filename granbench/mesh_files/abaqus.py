@@ -58,9 +58,7 @@ def read_abaqus(path: Path) -> MeshContents:
     for keyword, rows in _keywords(text.splitlines()):
         reader.take(keyword, rows)
     assembly = Assembly(reader.instances, list(reader.parts.values()), reader.root)
-    return assembly.contents(
-        reader.node_sets, reader.element_sets, reader.surfaces, reader.names
-    )
+    return assembly.contents(reader.node_sets, reader.element_sets, reader.surfaces, reader.names)
 
 
 def _keywords(lines: list[str]) -> list[tuple[_Keyword, Rows]]:
@@ -74,8 +72,7 @@ def _keywords(lines: list[str]) -> list[tuple[_Keyword, Rows]]:
     continued = False
     for number, line in kept:
         if continued:
-            keyword, rows = found[-1]
-            keyword.parameters.update(_parameters(line))
+            found[-1][0].parameters.update(_parameters(line))
             continued = line.endswith(",")
         elif line.startswith("*"):
             name, _, rest = line[1:].partition(",")
