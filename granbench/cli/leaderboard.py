@@ -1,11 +1,11 @@
 """`granbench leaderboard`: accept submissions, build the site."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from granbench.cli.printing import print_json
 from granbench.cli.submission import Dataset, File, Json, Quiet, rerun_bar
 from granbench.errors import ConfigurationError
 
@@ -43,7 +43,7 @@ def add(
                 target = accept(file, folder, records, replace=replace, progress=progress)
     badge = read_submission(target).badge
     if as_json:
-        typer.echo(json.dumps({"accepted": str(target), "badge": badge}, indent=2))
+        print_json({"accepted": str(target), "badge": badge})
     elif not quiet:
         typer.echo(f"{file} is accepted as {target}, {badge}")
 
@@ -73,6 +73,6 @@ def build(
         rows.append(Row(claimed, path))
     index = render(rows, out, replicate_scatters(row.submission.dataset for row in rows))
     if as_json:
-        typer.echo(json.dumps({"index": str(index), "submissions": len(rows)}, indent=2))
+        print_json({"index": str(index), "submissions": len(rows)})
     elif not quiet:
         typer.echo(f"{index} shows {len(rows)} submissions")

@@ -1,12 +1,13 @@
 """`granbench submission`: check a submission before it goes to the board."""
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from granbench.cli.printing import print_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -55,7 +56,7 @@ def validate(
             "scores": len(checked.scores),
             "reproduced": scored,
         }
-        typer.echo(json.dumps(answer, indent=2, ensure_ascii=False))
+        print_json(answer)
     elif not quiet:
         source = checked.predictions.file if checked.predictions else "the model, run again"
         typer.echo(
