@@ -300,10 +300,11 @@ def _sentence(analysis: "Analysis", out: Path) -> str:
     last = found.isel(step=-1)
     cell_seconds = float(last["cell_seconds"])
     seconds = cell_seconds + float(last["solver_seconds"])
+    points = f"{found.sizes['point']} Gauss points of {found.attrs['element']} elements"
     return (
         f"{out}: {found.attrs['problem']} with {found.attrs['cell']}, {found.attrs['solver']}, "
-        f"{found.sizes['point']} Gauss points of {found.attrs['element']} elements, {seconds:.3g} s "
-        f"({cell_seconds:.3g} s in the model); reaction at the end {float(last['reaction']) / 1e3:.4g} kN/m, largest "
+        f"{points}, {seconds:.3g} s ({cell_seconds:.3g} s in the model); reaction at the end "
+        f"{float(last['reaction']) / 1e3:.4g} kN/m, largest "
         f"{float(found['reaction'].max()) / 1e3:.4g} kN/m; volumetric strain "
         f"{100.0 * float(last['volumetric_strain']):.3g} %"
     )
