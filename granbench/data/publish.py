@@ -140,6 +140,7 @@ def register(
     identifier: str,
     title: str,
     command: str,
+    seconds: float | None = None,
     tier: str = "core",
     mirrors: Iterable[str] = (),
     replace: bool = False,
@@ -151,6 +152,7 @@ def register(
     file : sealed dataset whose attribute `dataset` is `identifier`
     title : one line for listings
     command : the command that made it
+    seconds : see `RegistryEntry.generator_seconds`
     tier : see `RegistryEntry`
     mirrors : folders or addresses that hold it
     replace : write over an entry of the same version, before it is published
@@ -186,6 +188,7 @@ def register(
                 "content_sha256": str(ds.attrs["content_sha256"]),
                 "split_sha256": split_hash(ds),
                 "generator": command,
+                "generator_seconds": seconds,
                 "mirrors": tuple(mirrors),
             },
             source=str(file),
@@ -197,6 +200,7 @@ def register(
             "change: give the dataset a new version"
         )
     REGISTRY_FOLDER.mkdir(exist_ok=True)
-    text = yaml.safe_dump(entry.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+    fields = entry.model_dump(mode="json", exclude_none=True)
+    text = yaml.safe_dump(fields, sort_keys=False, allow_unicode=True)
     entry_path(entry.id, entry.version).write_text(text, encoding="utf-8")
     return entry
