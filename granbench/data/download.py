@@ -207,17 +207,17 @@ def _receive(
         hand_over(failure)
     except urllib.error.HTTPError as error:
         with error:
-            reason = f"HTTP status {error.code} {_plain(error.reason)}".rstrip()
+            reason = f"HTTP status {error.code} {plain(error.reason)}".rstrip()
         temporary = error.code >= 500 or error.code in (408, 429)
         hand_over(_ConnectionLost(reason) if temporary else MirrorFailure(reason))
     except (http.client.InvalidURL, ValueError) as error:
         # Of an address such as http://[::1, of the server's or of a redirection.
-        hand_over(MirrorFailure(f"not an address of a file ({_plain(error)})"))
+        hand_over(MirrorFailure(f"not an address of a file ({plain(error)})"))
     except (OSError, http.client.HTTPException) as error:
         text = getattr(error, "reason", None) or getattr(error, "strerror", None) or error
-        hand_over(_ConnectionLost(_plain(text) or type(error).__name__))
+        hand_over(_ConnectionLost(plain(text) or type(error).__name__))
     except Exception as error:  # whatever an answer makes the library raise is the mirror's fault
-        hand_over(MirrorFailure(_plain(f"{type(error).__name__}: {error}")))
+        hand_over(MirrorFailure(plain(f"{type(error).__name__}: {error}")))
 
 
 class _WebRedirects(urllib.request.HTTPRedirectHandler):
@@ -225,7 +225,7 @@ class _WebRedirects(urllib.request.HTTPRedirectHandler):
 
     def redirect_request(self, req, fp, code, msg, headers, newurl):
         if not newurl.lower().startswith(("http://", "https://")):
-            raise MirrorFailure(f"the server redirects to {_plain(newurl)}, which is no web page")
+            raise MirrorFailure(f"the server redirects to {plain(newurl)}, which is no web page")
         return super().redirect_request(req, fp, code, msg, headers, newurl)
 
 
@@ -239,7 +239,7 @@ def _connect(address: str, start: int) -> http.client.HTTPResponse:
 def _check_answer(response: http.client.HTTPResponse, size: int, start: int) -> None:
     """Compare what the server announces with what was asked for, before anything is read."""
     if response.status not in (200, 206):
-        raise MirrorFailure(f"HTTP status {response.status} {_plain(response.reason)}".rstrip())
+        raise MirrorFailure(f"HTTP status {response.status} {plain(response.reason)}".rstrip())
     if response.headers.get_content_type() == "text/html":
         raise MirrorFailure("the server sent a web page instead of the file")
     if response.status == 206:
@@ -247,7 +247,7 @@ def _check_answer(response: http.client.HTTPResponse, size: int, start: int) -> 
         wanted = rf"bytes {start}-{size - 1}/({size}|\*)"
         if not re.fullmatch(wanted, span.strip()):
             raise MirrorFailure(
-                f"the server sends the range {_plain(span)!r} instead of bytes {start} to "
+                f"the server sends the range {plain(span)!r} instead of bytes {start} to "
                 f"{size - 1} of {size}"
             )
     if "chunked" in response.headers.get("Transfer-Encoding", "").lower():
@@ -258,13 +258,13 @@ def _check_answer(response: http.client.HTTPResponse, size: int, start: int) -> 
     length = lengths.pop()
     if lengths or not re.fullmatch(r"[0-9]{1,18}", length):
         told = ", ".join(sorted({length, *lengths}))
-        raise MirrorFailure(f"the server gives {_plain(told)!r} as the length of the file")
+        raise MirrorFailure(f"the server gives {plain(told)!r} as the length of the file")
     if start + int(length) != size:
         raise MirrorFailure(f"the server's file has {start + int(length)} bytes instead of {size}")
 
 
-def _plain(words: object) -> str:
-    """A server's words for an error: one line, printable, and not long."""
+def plain(words: object) -> str:
+    """Somebody else's words for an error: one line, printable, and not long."""
     text = "".join(character if character.isprintable() else " " for character in str(words))
     text = " ".join(text.split())
     return text if len(text) <= WORDS else text[:WORDS] + "..."

@@ -12,7 +12,7 @@ from typing import NoReturn
 
 import pooch
 
-from granbench.data.download import MirrorFailure, Progress, download
+from granbench.data.download import MirrorFailure, Progress, download, plain
 from granbench.data.partial_file import discard, open_partial
 from granbench.data.registry import RegistryEntry
 from granbench.errors import DownloadError
@@ -143,7 +143,7 @@ def _fetch_from_any(
             else:
                 _copy(_folder(mirror) / entry.file, entry, partial, progress)
         except MirrorFailure as failure:
-            failures.append(f"{mirror}: {failure}")
+            failures.append(f"{plain(mirror)}: {failure}")
             continue
         os.replace(partial, target)
         return
@@ -193,7 +193,7 @@ def _copy(source: Path, entry: RegistryEntry, partial: Path, progress: Progress 
         reason = why_not(source, entry)
         opened = source.open("rb") if reason is None else None
     except (OSError, ValueError) as error:
-        raise MirrorFailure(f"it cannot be read ({error})") from error
+        raise MirrorFailure(f"it cannot be read ({plain(error)})") from error
     if opened is None:
         raise MirrorFailure(reason)
     try:

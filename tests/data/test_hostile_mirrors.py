@@ -1,5 +1,6 @@
 """Whatever a server, a mirror's name or the `.part` file's place is: one sentence, or the file."""
 
+import hashlib
 import os
 import time
 
@@ -8,18 +9,26 @@ from http_mirror import Mirror, serve
 
 from granbench.data import download
 from granbench.data.fetch import fetch
+from granbench.data.registry import RegistryEntry
 from granbench.data.store import cache_folder, dataset_file, load
 from granbench.errors import ConfigurationError, DownloadError
 
 
 @pytest.fixture
-def published(shelf, records):
-    return shelf.publish(records)
+def content():
+    """What passes for a netCDF file until its hash is compared."""
+    return b"\x89HDF\r\n\x1a\n" + bytes(range(256)) * 800
 
 
 @pytest.fixture
-def content(shelf, published):
-    return (shelf.mirror / published.file).read_bytes()
+def published(shelf, content):
+    shelf.mirror.mkdir()
+    (shelf.mirror / "made-up.nc").write_bytes(content)
+    return RegistryEntry(
+        id="made-up", version="1.0.0", title="", tier="core", licence="", thesis_section="",
+        file="made-up.nc", bytes=len(content), sha256=hashlib.sha256(content).hexdigest(),
+        content_sha256="0" * 64, split_sha256="0" * 64, generator="none",
+    )  # fmt: skip
 
 
 def headers(*pairs, **mirror):
@@ -34,13 +43,13 @@ ANSWERS = {
     "listed lengths": (headers(("Content-Length", "5, 6")), "'5, 6' as the length"),
     "superscript": (headers(("Content-Length", "\xb2")), "as the length"),
     "no content": (lambda content: Mirror(content, status=204), "HTTP status 204"),
-    "to a file": (headers(("Location", "file:///etc/passwd"), status=302), "redirects to file:"),
+    "to a file": (headers(("Location", "file:///etc/passwd"), status=302), "is not allowed"),
     "to ftp": (headers(("Location", "ftp://127.0.0.1:9/x"), status=301), "redirects to ftp:"),
     "to no host": (headers(("Location", "http://[::1"), status=307), "not an address"),
     "to itself": (headers(("Location", "/again"), status=302), "HTTP status 302"),
     "zipped": (lambda content: Mirror(b"\x1f\x8b" + content[2:]), "not a netCDF file"),
     "escapes": (
-        headers(("Location", "gopher://\x1b[31m" + "x" * 3000), status=302),
+        headers(("Location", "gopher://x/\x1b[31m" + "x" * 3000), status=302),
         "redirects to gopher",
     ),
 }
@@ -106,14 +115,14 @@ def test_a_server_that_sends_a_byte_in_each_connection_is_given_up(
     ],
 )  # fmt: skip
 def test_a_mirror_that_is_none_is_one_sentence_and_the_next_is_tried(
-    shelf, records, name, monkeypatch
+    shelf, published, name, monkeypatch
 ):
     monkeypatch.setattr(download, "TIMEOUT", 2.0)
-    entry = shelf.publish(records)
     shelf.use_mirror(name)
-    with pytest.raises(DownloadError, match="could not be fetched"):
-        fetch(entry, shelf.cache)
-    entry = shelf.publish(records, mirrors=[str(shelf.mirror)])
+    with pytest.raises(DownloadError, match="could not be fetched") as caught:
+        fetch(published, shelf.cache)
+    assert str(caught.value).isprintable()
+    entry = published.model_copy(update={"mirrors": (str(shelf.mirror),)})
     assert fetch(entry, shelf.cache).stat().st_size == entry.bytes
 
 
@@ -168,7 +177,7 @@ def test_a_link_in_the_place_of_the_file_itself_is_replaced(shelf, published, co
 
 @pytest.mark.parametrize("kind", ["file", "nobody", "too long", "below a file"])
 def test_a_cache_variable_that_names_no_folder_is_one_sentence(
-    shelf, published, tmp_path, monkeypatch, kind
+    shelf, records, tmp_path, monkeypatch, kind
 ):
     (tmp_path / "file").write_text("")
     names = {
@@ -177,6 +186,7 @@ def test_a_cache_variable_that_names_no_folder_is_one_sentence(
         "too long": "/tmp/" + "x" * 5000,
         "below a file": tmp_path / "file" / "x",
     }
+    shelf.publish(records)
     monkeypatch.setenv("GRANBENCH_CACHE", str(names[kind]))
     shelf.use_mirror(shelf.mirror)
     with pytest.raises((ConfigurationError, DownloadError), match="GRANBENCH_CACHE"):
@@ -187,8 +197,10 @@ def test_a_cache_variable_that_names_no_folder_is_one_sentence(
 
 
 def test_the_package_with_the_data_is_found_where_it_is_installed(
-    shelf, published, content, tmp_path, monkeypatch
+    shelf, records, tmp_path, monkeypatch
 ):
+    published = shelf.publish(records)
+    content = (shelf.mirror / published.file).read_bytes()
     with pytest.raises(DownloadError, match="install the package granbench-data"):
         load("synthetic")
     package = tmp_path / "site" / "granbench_data"
