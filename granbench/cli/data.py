@@ -235,8 +235,8 @@ def verify(source: Source, as_json: Json = False, quiet: Quiet = False) -> None:
         known = (
             f"is {entry.id} {entry.version} of the registry, and its attributes agree with it too"
             if entry
-            else "is not registered, so that nothing vouches for who made it, its ground truth, its "
-            "licence or any other attribute but its configuration"
+            else "is not registered, so that nothing vouches for who made it, its ground truth, "
+            "its licence or any other attribute but its configuration"
         )
         _say(f"{file}: every variable agrees with its hash; the dataset {known}")
 
