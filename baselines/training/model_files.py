@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -72,18 +72,23 @@ def read_description(folder: Path) -> ModelDescription:
             "that `granbench train` wrote"
         )
     content = read_json_object(path, ModelError, remedy=_REMEDY)
-    types = {field.name: _PLAIN_TYPES[str(field.type)] for field in fields(ModelDescription)}
     for name in content:
-        if name not in types:
+        if name not in _TYPES:
             raise ModelError(f"{path}: is damaged (unknown key {shortened(name)}); {_REMEDY}")
-    for name, kind in types.items():
+    for name, kind in _TYPES.items():
         if not isinstance(content.get(name), kind) or isinstance(content[name], bool):
             wanted = {dict: "an object", int: "an integer", str: "text"}[kind]
             raise ModelError(f"{path}: is damaged ({name!r} must be {wanted}); {_REMEDY}")
     return ModelDescription(**content)
 
 
-_PLAIN_TYPES: dict[str, type] = {"str": str, "int": int, "dict[str, Any]": dict}
+_TYPES: dict[str, type] = {
+    "baseline": str,
+    "configuration": dict,
+    "parameters": int,
+    "training": dict,
+    "weights_sha256": str,
+}
 _REMEDY = "train the model again or copy the file anew"
 
 

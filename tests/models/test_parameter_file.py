@@ -51,8 +51,8 @@ def test_a_set_gives_what_the_file_leaves_out(tmp_path):
     ("content", "message"),
     [
         ("{", r"is not JSON \(line 1, column 2"),
-        ("[]", 'is no parameter file; it needs {"model"'),
-        ({"model": "j2"}, 'is no parameter file; it needs {"model"'),
+        ("[]", 'is not a parameter file; it needs {"model"'),
+        ({"model": "j2"}, 'is not a parameter file; it needs {"model"'),
         ({"model": "csuhh", "parameters": {}}, "unknown classical model 'csuhh'"),
         ({"model": 2, "parameters": {}}, "'model' must be a name in quotes"),
         ({"model": "j2", "parameters": []}, "'parameters' must be an object"),
@@ -86,7 +86,7 @@ def test_a_mistake_is_named_with_its_file(content, message, tmp_path):
 
 
 def test_an_absent_file_and_a_folder_are_named(tmp_path):
-    with pytest.raises(ModelError, match="there is no such parameter file"):
+    with pytest.raises(ModelError, match="there is no such file"):
         cell_from_file(tmp_path / "none.json")
     with pytest.raises(ModelError, match="cannot be read"):
         cell_from_file(tmp_path)
