@@ -89,8 +89,8 @@ def examine(
         *_incomplete(validated.submission),
         *_name_taken(validated.submission, folder, rows, replace),
         *_of_truth(validated, errors),
-        *_of_seeds(validated, errors),
         *_of_rows(validated, errors, folder, rows),
+        *_of_seeds(validated, errors),
     ]
     found = {"deterministic": _deterministic(validated)}
     stored = validated.submission.model_copy(update=found)
