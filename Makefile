@@ -14,6 +14,8 @@ INSTALLED := $(VENV)/.installed
 RUFF_FOLDERS := granbench generators baselines leaderboard tests benchmarks docs
 # The networks are small: one thread each is faster than two that wait for one another.
 export OMP_NUM_THREADS ?= 1
+# Scripts that draw must not depend on the backend of the shell, as of a notebook.
+export MPLBACKEND := agg
 
 setup: engine $(INSTALLED)
 

@@ -15,7 +15,6 @@ from granbench import __version__
 from granbench.baseline import TrainingRequest
 from granbench.baselines.training import Limits, Recipe, TrainingOutcome, train
 from granbench.baselines.training.batches import BatchSource
-from granbench.baselines.training.history import draw_history
 from granbench.baselines.training.model_files import (
     DESCRIPTION_FILE,
     WEIGHTS_FILE,
@@ -143,7 +142,6 @@ class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
             training=about,
         )
         write_model(request.out, outcome.best_weights, description)
-        draw_history(request.out, f"{self.name}, seed {request.seed}")
         return request.out
 
     def seeded_network(self, configuration: ConfigurationT, seed: int) -> NetworkT:

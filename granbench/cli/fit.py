@@ -1,8 +1,7 @@
 """`granbench fit`: fit a classical model to laboratory tests of one's own."""
 
-import json
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,11 +12,15 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from granbench.cli.options import refuse_overwriting, require_one_of
+from granbench.cli.pictures import draw_beside_results
+from granbench.cli.printing import print_json, show
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError
 from granbench.whole_file import whole_folder
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from granbench.baselines.fitting import Fit
     from granbench.laboratory import ImportSettings, LaboratoryTest
 
@@ -128,7 +131,7 @@ def fit(
     from granbench.baselines.fitting import Effort, FitSettings
     from granbench.baselines.fitting import fit as fitted
     from granbench.baselines.fitting.observations import CONTROLS
-    from granbench.baselines.fitting.report import report_of
+    from granbench.baselines.fitting.report import PICTURE, report_of
     from granbench.driven_model import ModelChoice
     from granbench.laboratory import ImportSettings
     from granbench.models import find_model
@@ -173,15 +176,19 @@ def fit(
         _write(found, report, tests, left_out, folder)
         if not (folder / RECORDS).exists():
             (out / RECORDS).unlink(missing_ok=True)  # of an earlier fit, to other tests
+    picture = draw_beside_results(out / PICTURE, lambda: _figure(found))
+    if picture is None:
+        with suppress(OSError):
+            (out / PICTURE).unlink(missing_ok=True)  # of an earlier fit
     if as_json:
-        typer.echo(json.dumps(report | {"folder": str(out)}, indent=2, ensure_ascii=False))
+        print_json(report | {"folder": str(out)})
     elif not quiet:
-        console = Console()
-        for table in _tables(report):
-            console.print(table)
+        show(*_tables(report))
         for warning in report["warnings"]:
             typer.echo(f"note: {warning}")
-        typer.echo(f"the parameters are in {out / PARAMETERS}, the picture in {out / 'fit.png'}")
+        typer.echo(f"the parameters are in {out / PARAMETERS}")
+        if picture is not None:
+            typer.echo(f"the picture is in {picture}")
 
 
 def _pairs(option: str, texts: Sequence[str] | None) -> dict[str, str]:
@@ -248,26 +255,28 @@ def _write(
 ) -> None:
     from granbench.baselines.fitting.report import (
         CURVES,
-        PICTURE,
         REPORT,
         write_curves,
         write_report,
     )
     from granbench.laboratory import to_records
     from granbench.models.parameter_file import write_parameters
-    from granbench.plotting import save_figure
-    from granbench.plotting.fit import fit_figure
     from granbench.records import write_records
 
     write_report(report, out / REPORT)
     write_curves(found, out / CURVES)
-    save_figure(fit_figure({found.cell.name: found.curves}), out / PICTURE)
     every = [*tests, *left_out]
     if all(test.lateral_strain_known for test in every):
         names = [test.name for test in left_out]
         write_records(to_records(every, left_out=names), out / RECORDS)
-    # Last: who finds it finds the rest as well.
+    # The last of the results: whoever finds it finds the others as well.
     write_parameters(found.cell, out / PARAMETERS)
+
+
+def _figure(found: "Fit") -> "Figure":
+    from granbench.plotting.fit import fit_figure
+
+    return fit_figure({found.cell.name: found.curves})
 
 
 def _tables(report: dict[str, Any]) -> Iterator[Table]:

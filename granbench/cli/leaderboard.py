@@ -1,11 +1,11 @@
 """`granbench leaderboard`: accept submissions, build the site."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from granbench.cli.printing import print_json
 from granbench.cli.submission import Board, Dataset, File, Json, Quiet, rerun_bar
 from granbench.errors import ConfigurationError, SubmissionError
 
@@ -50,7 +50,7 @@ def add(
                 )
     badge = read_submission(target).badge
     if as_json:
-        typer.echo(json.dumps({"accepted": str(target), "badge": badge}, indent=2))
+        print_json({"accepted": str(target), "badge": badge})
     elif not quiet:
         typer.echo(f"{file} is accepted as {target}, {badge}")
 
@@ -86,7 +86,7 @@ def build(
     errors = {place: path_errors(of_task) for place, of_task in by_task.items()}
     index = render(rows, out, replicate_scatters(row.submission.dataset for row in rows), errors)
     if as_json:
-        typer.echo(json.dumps({"index": str(index), "submissions": len(rows)}, indent=2))
+        print_json({"index": str(index), "submissions": len(rows)})
     elif not quiet:
         typer.echo(f"{index} shows {len(rows)} submissions")
 

@@ -1,6 +1,5 @@
 """`granbench submission`: check a submission before it goes to the board."""
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from granbench.cli.printing import print_json
 from granbench.errors import ConfigurationError, SubmissionError
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def validate(
         if objection.flagged:
             raise SubmissionError(f"{file}: {objection.text}")
     if as_json:
-        typer.echo(json.dumps(_as_json(file, examination), indent=2, ensure_ascii=False))
+        print_json(_as_json(file, examination))
     elif not quiet:
         for line in _sentences(file, examination):
             typer.echo(line)
