@@ -381,7 +381,11 @@ def _tables(report: dict[str, Any]) -> Iterator[Table]:
         table.add_column(heading, justify="right" if heading in ("value",) else "left")
     for row in report["parameters"]:
         interval = row["interval_95"]
-        shown = "–" if interval is None else f"{interval[0]:.4g} to {interval[1]:.4g}"
+        shown = (
+            "–"
+            if interval is None or None in interval
+            else f"{interval[0]:.4g} to {interval[1]:.4g}"
+        )
         known = _known(row)
         table.add_row(row["name"], row["symbol"], f"{row['value']:.6g}", shown, row["units"], known)
     yield table
@@ -406,6 +410,8 @@ def _known(row: dict[str, Any]) -> str:
     if row["identifiable"] is False:
         return "not identified"
     low, high = row["interval_95"]
+    if low is None or high is None:
+        return "hardly identified"
     wide = high - low > WIDE * abs(row["value"]) or 0.0 < VAST * low < high
     return "hardly identified" if wide else ""
 

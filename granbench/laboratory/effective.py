@@ -283,8 +283,8 @@ class _Known:
         beside = "the other stresses" if other is None else other.name
         return DatasetError(
             f"{self.source}: column {one.name} agrees with {beside} neither as an effective nor "
-            f"as a total stress; say what it is with --column QUANTITY=HEADER, or leave one of them out "
-            f"with --ignore {one.name}"
+            f"as a total stress; say what it is with --column QUANTITY=HEADER, or leave one "
+            f"of them out with --ignore {one.name}"
         )
 
     def result(self) -> KnownStresses:

@@ -167,8 +167,8 @@ def _require(
     names = " and ".join(dict.fromkeys((axial.name, lateral.name)))
     raise DatasetError(
         f"{table.source}, {table.places[row]}: {series.name} gives "
-        f"{_kilopascals(series.values[row])} kPa for the effective {title}, but {names} give {_kilopascals(expected[row])}; say what "
-        "each column is with --column QUANTITY=HEADER or --stresses, or leave out the wrong one "
+        f"{_kilopascals(series.values[row])} kPa for the effective {title}, but {names} "
+        f"give {_kilopascals(expected[row])}; say what each column is with --column QUANTITY=HEADER or --stresses, or leave out the wrong one "
         "with --ignore HEADER"
     )
 
