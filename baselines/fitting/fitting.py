@@ -45,6 +45,9 @@ parameters need some ten, and one point that needs thousands would hold up all o
 LEAST_FOLLOWED = 0.5
 """Share of the fitted points that a model has to reach for a fit to be one."""
 
+POOR = 0.3
+"""Error of a test, as a share of the range of what was measured, from which a fit is none."""
+
 AT_BOUND = 1e-3
 """Distance from a bound, as a share of the parameter's range, that counts as at the bound."""
 
@@ -352,6 +355,12 @@ def _warnings(
             f"the tests do not identify {', '.join(lost)}: other values fit as well; fix "
             f"{'some of them' if len(lost) > 1 else 'it'} with --free, or add tests"
         )
+    for error in errors:
+        if error.role == "fitted" and error.total > POOR:
+            found.append(
+                f"test {error.name} is off by {100.0 * error.total:.3g} % of its range: the model "
+                "does not fit it, and the parameters say little of the soil"
+            )
     best = int(minimum.cost.argmin())
     if not bool(minimum.converged[best]):
         found.append("the search ended before it converged; allow more with --iterations")
