@@ -173,6 +173,11 @@ class FittedBaseline:
         if description.baseline != self.name:
             raise ModelError(f"{folder}: holds a {description.baseline!r}, not a {self.name!r}")
         order = component_order(tuple(map(str, records["component"].values)))
+        if several := [name for name, value in weights.items() if value.numel() != 1]:
+            raise ModelError(
+                f"{folder}: parameter {several[0]!r} has {weights[several[0]].numel()} values, not "
+                "one; fit the model again"
+            )
         values = {name: float(value) for name, value in weights.items()}
         return find_model(self.model)(values, order=order)
 

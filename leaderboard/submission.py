@@ -109,6 +109,18 @@ class Environment(_Record):
         )
 
 
+class Acceptance(_Record):
+    """What the board recorded when it accepted a row."""
+
+    digest: Sha256 = Field(
+        description="of the row and of the files that its scores rest on; checked when the site is "
+        "built"
+    )
+    word: Line | None = Field(
+        default=None, description="why a maintainer accepted what the checks had flagged"
+    )
+
+
 class About(_Record):
     """What a submitter says of a model."""
 
@@ -125,6 +137,11 @@ class About(_Record):
     training_data: Line
     licence: Line
     command: Line
+    deterministic: bool | None = Field(
+        default=None,
+        description="whether the model has one answer for every seed, which then only drives the "
+        "noise; null: it follows from the scores by seed",
+    )
 
     @classmethod
     def checked(cls, **fields: Any) -> "About":
@@ -161,6 +178,7 @@ class Submission(About):
     normalisation: Scales
     scores: tuple[Score, ...] = Field(min_length=1)
     curves: tuple[Curve, ...] = ()
+    acceptance: Acceptance | None = None
 
     @model_validator(mode="after")
     def _borne_out(self) -> "Submission":

@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from granbench.boundary_values import EXPLICIT, spread_points
+from granbench.errors import AnalysisError
 from granbench.fem import run
 from granbench.fem.analysis import settings_for
 from granbench.fem.problems.biaxial import HEIGHT, Biaxial
@@ -21,6 +22,7 @@ from granbench.models.ground_truth import recording_cell
 from granbench.protocols.posed import posed
 
 RECORD_FILE = "record.npz"
+PHYSICAL_FAILURES = (AnalysisError,)
 POSITION = ("position_x", "position_y")
 
 

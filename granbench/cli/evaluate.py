@@ -1,5 +1,6 @@
 """`granbench evaluate`: score a model on a task and write its submission."""
 
+import json
 import shlex
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -11,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from granbench.cli.options import refuse_overwriting, require_one_of
+from granbench.cli.printing import print_json, show
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -128,11 +130,9 @@ def evaluate(
             )  # fmt: skip
         submission = compose(predictions, records, about, out, model=kept)
     if as_json:
-        typer.echo(out.read_text(encoding="utf-8"))
+        print_json(json.loads(out.read_text(encoding="utf-8")))
     elif not quiet:
-        console = Console()
-        for table in tables(submission, others):
-            console.print(table)
+        show(*tables(submission, others))
         typer.echo(_written(submission, out))
 
 

@@ -14,10 +14,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from granbench.cli.drive_options import scalars_at_start
 from granbench.cli.options import require_writable
+from granbench.cli.pictures import draw_beside_results
+from granbench.cli.printing import note, print_json
 from granbench.cli.termination import stopped_by_sigterm
-from granbench.errors import AnalysisError, ConfigurationError
+from granbench.errors import AnalysisError, ConfigurationError, GranbenchError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from granbench.cell import MaterialCell
     from granbench.fem import Analysis, ExplicitSettings, ImplicitSettings, Problem
 
@@ -137,10 +141,10 @@ def fem(
                 chosen, made, solver=settings, mesh=mesh, scalars=scalars, on_step=advance
             )
         analysis.write(out)
-        series = _write_pictures(analysis, vtu, plot)
+        series, plot = _write_pictures(analysis, vtu, plot)
         _end(analysis, out)
     if as_json:
-        typer.echo(json.dumps(_summary(analysis, out, series, plot), indent=2))
+        print_json(_summary(analysis, out, series, plot))
     elif not quiet:
         typer.echo(_sentence(analysis, out))
         for remark in remarks(analysis.dataset):
@@ -216,24 +220,35 @@ def _output_steps(analysis: "Analysis") -> int:
     return max(0, analysis.dataset.sizes.get("step", 0) - 1)
 
 
-def _write_pictures(analysis: "Analysis", vtu: Path | None, plot: Path | None) -> Path | None:
+def _write_pictures(
+    analysis: "Analysis", vtu: Path | None, plot: Path | None
+) -> tuple[Path | None, Path | None]:
     """The series and the picture that are asked for, of a run that ended early as well.
 
-    One that has nothing but its start leaves none.
+    Returns
+    -------
+    index of the series, picture : None where there is none, as of a run that has nothing but its
+        start
     """
-    index = None
     if _output_steps(analysis) == 0:
-        return index
+        return None, None
+    index = None
     if vtu is not None:
         from granbench.plotting.paraview import write_series
 
-        index = write_series(analysis.dataset, vtu)
+        try:
+            index = write_series(analysis.dataset, vtu)
+        except GranbenchError as error:
+            note(f"{error}. The results in the netCDF file are complete without the series")
     if plot is not None:
-        from granbench.plotting.fem import analysis_figure
-        from granbench.plotting.style import save_figure
+        plot = draw_beside_results(plot, lambda: _figure(analysis))
+    return index, plot
 
-        save_figure(analysis_figure(analysis.dataset), plot)
-    return index
+
+def _figure(analysis: "Analysis") -> "Figure":
+    from granbench.plotting.fem import analysis_figure
+
+    return analysis_figure(analysis.dataset)
 
 
 def _summary(

@@ -1,6 +1,5 @@
 """`granbench fit`: fit a classical model to laboratory tests of one's own."""
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -9,16 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich import box
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from granbench.cli.options import refuse_overwriting, require_one_of
+from granbench.cli.pictures import draw_beside_results
+from granbench.cli.printing import print_json, say, show
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError
 from granbench.whole_file import whole_folder
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from granbench.baselines.fitting import Fit
     from granbench.laboratory import ImportSettings, LaboratoryTest
 
@@ -229,19 +231,21 @@ def fit(
         _write(found, report, tests, left_out, folder)
         if not (folder / RECORDS).exists():
             (out / RECORDS).unlink(missing_ok=True)  # of an earlier fit, to other tests
-    drawn = _draw(found, out / PICTURE)
+    picture = draw_beside_results(out / PICTURE, lambda: _figure(found))
+    if picture is None:
+        with suppress(OSError):
+            (out / PICTURE).unlink(missing_ok=True)  # of an earlier fit
     if as_json:
-        typer.echo(json.dumps(report | {"folder": str(out)}, indent=2, ensure_ascii=False))
+        print_json(report | {"folder": str(out)})
     elif not quiet:
         for line in _understood(report):
-            typer.echo(line)
-        console = Console()
-        for table in _tables(report):
-            console.print(table)
+            say(line)
+        show(*_tables(report))
         for warning in report["warnings"]:
-            typer.echo(f"note: {plain(warning)}")
-        picture = f", the picture in {out / PICTURE}" if drawn else ""
-        typer.echo(f"the parameters are in {out / PARAMETERS}{picture}")
+            say(f"note: {warning}")
+        say(f"the parameters are in {out / PARAMETERS}")
+        if picture is not None:
+            say(f"the picture is in {picture}")
 
 
 def _pairs(option: str, texts: Sequence[str] | None) -> dict[str, str]:
@@ -331,25 +335,8 @@ def _write(
     if all(test.is_complete for test in every):
         names = [test.name for test in left_out]
         write_records(to_records(every, left_out=names), out / RECORDS)
-    # Last: who finds it finds the rest as well.
+    # The last of the results: whoever finds it finds the others as well.
     write_parameters(found.cell, out / PARAMETERS)
-
-
-def _draw(found: "Fit", path: Path) -> bool:
-    """Draw the fit; a picture that fails is a note, for the results are there."""
-    # Drawing may fail in ways of its own: a missing font, a backend that the environment names.
-    try:
-        from granbench.plotting import save_figure
-        from granbench.plotting.fit import fit_figure
-
-        save_figure(fit_figure({found.cell.name: found.curves}), path)
-    except Exception as problem:
-        reason = str(problem).partition("\n")[0] or type(problem).__name__
-        with suppress(OSError):
-            path.unlink(missing_ok=True)  # of an earlier fit
-        typer.echo(f"note: no picture was drawn ({reason}); the results are complete", err=True)
-        return False
-    return True
 
 
 def _understood(report: dict[str, Any]) -> Iterator[str]:
@@ -365,14 +352,15 @@ def _understood(report: dict[str, Any]) -> Iterator[str]:
         if test["columns_not_used"]:
             parts.append(f"columns not used: {', '.join(test['columns_not_used'])}")
         parts.append(f"{test['points']} rows read, {test['points_used']} used")
-        yield f"{plain(test['name'])}: {plain('; '.join(parts))}"
+        yield f"{test['name']}: {'; '.join(parts)}"
     if (more := len(report["tests"]) - MOST_TESTS_SHOWN) > 0:
         yield f"{more} more tests: see tests in fit.json"
 
 
-def plain(text: str) -> str:
-    """A text from a file without the characters that steer a terminal."""
-    return "".join(letter if letter.isprintable() else "?" for letter in text)
+def _figure(found: "Fit") -> "Figure":
+    from granbench.plotting.fit import fit_figure
+
+    return fit_figure({found.cell.name: found.curves})
 
 
 def _tables(report: dict[str, Any]) -> Iterator[Table]:
@@ -399,7 +387,7 @@ def _tables(report: dict[str, Any]) -> Iterator[Table]:
         parts = [row["by_quantity"].get(name) for name in quantities]
         shown_parts = ["–" if part is None else f"{100.0 * part:.3g}" for part in parts]
         role = "" if row["role"] == "fitted" else row["role"]
-        table.add_row(escape(plain(row["test"])), role, f"{100.0 * row['error']:.3g}", *shown_parts)
+        table.add_row(row["test"], role, f"{100.0 * row['error']:.3g}", *shown_parts)
     yield table
 
 

@@ -15,6 +15,8 @@ import torch
 import xarray as xr
 
 from granbench.boundary_values import (
+    NOT_IN_THE_PLANE,
+    READS_RECORDS,
     SOLVERS,
     EmbeddedAnalysis,
     embedded_analyses,
@@ -65,9 +67,9 @@ def embedded_obstacle(dataset: xr.Dataset, cells: Iterable[MaterialCell]) -> str
     if not embedded_analyses(dataset):
         return "this task has no boundary-value problem with a ground-truth cell"
     if tuple(map(str, dataset["component"].values)) != COMPONENT_ORDERS[ORDER]:
-        return "the analyses are in the plane, the records are not"
+        return NOT_IN_THE_PLANE
     if any(cell.reads_records for cell in cells):
-        return "the model reads its answers from the records and has none inside an analysis"
+        return READS_RECORDS
     _truth(dataset)
     return None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import abc
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import ClassVar, Self
 
@@ -16,6 +16,7 @@ from granbench.fem.iteration import ImplicitSettings
 from granbench.fem.loading import Loading, LoadingHistory, Pressure
 from granbench.fem.mesh import Floats, PlaneMesh
 from granbench.fem.mesh_file import is_mesh_file, read_mesh
+from granbench.fem.problems.body import require_body, with_boundaries_of
 from granbench.fem.time_step import ExplicitSettings
 from granbench.paths.confining_pressure import RandomConfinement
 
@@ -30,19 +31,6 @@ the 10 % of the thesis they are its turning points (Sec 6.4)."""
 
 CONFINEMENT = 1e5
 """Pa; the thesis' confinement of the models that are defined under compression only."""
-
-
-SAME_BODY = 1e-3
-"""Of a body's extent, by which that of a mesh from a file may differ."""
-
-
-def _span(nodes: Floats) -> Floats:
-    return np.stack([nodes.min(axis=0), nodes.max(axis=0)])
-
-
-def _spoken(nodes: Floats) -> str:
-    (left, bottom), (right, top) = _span(nodes)
-    return f"x from {left:g} to {right:g} m and y from {bottom:g} to {top:g} m"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,8 +159,8 @@ class Problem(abc.ABC):
         Raises
         ------
         ConfigurationError
-            If there is none of this name, or the file's lacks a boundary of the problem or is of
-            another body.
+            If there is none of this name, or the file cannot be read, lacks a boundary of the
+            problem, or is of another body.
         """
         name = name or self.default_mesh
         if is_mesh_file(name):
@@ -185,33 +173,14 @@ class Problem(abc.ABC):
 
     def _mesh_of_file(self, file: str) -> PlaneMesh:
         mesh = read_mesh(file)
+        # Some boundaries depend on choices that say nothing about the body, as the surcharge does.
+        own = self.meshes.get("fine", self.meshes[self.default_mesh])()
         try:
-            loading = self.loading(mesh)
-            self._require_body(mesh, loading.boundaries)
+            mesh = with_boundaries_of(mesh, own)
+            require_body(mesh, own, self.loading(mesh).boundaries)
         except ConfigurationError as error:
             raise ConfigurationError(f"mesh {file}, for {self.name}: {error}") from error
         return mesh
-
-    def _require_body(self, mesh: PlaneMesh, boundaries: Sequence[str]) -> None:
-        """Refuse a mesh of another body: lengths and heights of the problem are those of its own.
-
-        Raises
-        ------
-        ConfigurationError
-            If it, or a boundary of it, does not span what the problem's own mesh spans.
-        """
-        own = self.mesh()
-        parts = {"the body": (mesh.nodes, own.nodes)}
-        for name in boundaries:
-            there = mesh.nodes[mesh.nodes_on(name)], own.nodes[own.nodes_on(name)]
-            parts[f"its boundary {name!r}"] = there
-        close = SAME_BODY * np.ptp(own.nodes, axis=0).max()
-        for name, (found, wanted) in parts.items():
-            if np.abs(_span(found) - _span(wanted)).max() > close:
-                raise ConfigurationError(
-                    f"{name} spans {_spoken(found)}, but the problem's {_spoken(wanted)}; scale or "
-                    "move the mesh, or name its boundaries anew"
-                )
 
     def explicit(self) -> ExplicitSettings:
         """How the explicit solver is set by default."""
