@@ -27,12 +27,33 @@ def report_of(
 ) -> dict[str, Any]:
     """The fit as what JSON can hold: SI units, errors as shares of a quantity's range.
 
+    A number that is not known, such as the correlation of parameters on which nothing depends, is
+    None.
+
     Parameters
     ----------
     fit : what was found
     settings : how
     tests, left_out : what was fitted and what was only predicted
     """
+    return _without_nan(_report(fit, settings, tests, left_out))
+
+
+def _without_nan(part: Any) -> Any:
+    """A part of a report in which numbers that are not finite are None: JSON has no NaN."""
+    if isinstance(part, dict):
+        return {key: _without_nan(value) for key, value in part.items()}
+    if isinstance(part, list | tuple):
+        return [_without_nan(value) for value in part]
+    return None if isinstance(part, float) and not np.isfinite(part) else part
+
+
+def _report(
+    fit: Fit,
+    settings: FitSettings,
+    tests: Sequence[LaboratoryTest],
+    left_out: Sequence[LaboratoryTest],
+) -> dict[str, Any]:
     intervals, values = fit.interval(), fit.cell.values()
     known, spread = fit.identifiability, fit.uncertainty
     cost = fit.minimum.cost
@@ -71,7 +92,7 @@ def report_of(
         "uncertainty": {
             "method": spread.method,
             "names": list(fit.space.names),
-            "correlation": np.round(spread.correlation, 6).tolist(),
+            "correlation": np.round(spread.correlation, 6).tolist(),  # null where not known
         },
         "identifiability": {
             "names": list(known.names),

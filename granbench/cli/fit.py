@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich import box
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
@@ -341,12 +340,6 @@ def _write(
     write_parameters(found.cell, out / PARAMETERS)
 
 
-def _figure(found: "Fit") -> "Figure":
-    from granbench.plotting.fit import fit_figure
-
-    return fit_figure({found.cell.name: found.curves})
-
-
 def _understood(report: dict[str, Any]) -> Iterator[str]:
     """How each test was understood, for the terminal; of many, the first ones."""
     for test in report["tests"][:MOST_TESTS_SHOWN]:
@@ -365,13 +358,23 @@ def _understood(report: dict[str, Any]) -> Iterator[str]:
         yield f"{more} more tests: see tests in fit.json"
 
 
+def _figure(found: "Fit") -> "Figure":
+    from granbench.plotting.fit import fit_figure
+
+    return fit_figure({found.cell.name: found.curves})
+
+
 def _tables(report: dict[str, Any]) -> Iterator[Table]:
     table = _plain(f"{report['model']}: error {100.0 * report['error']:.3g} % of the range")
     for heading in ("parameter", "symbol", "value", "95 % interval", "unit", ""):
         table.add_column(heading, justify="right" if heading in ("value",) else "left")
     for row in report["parameters"]:
         interval = row["interval_95"]
-        shown = "–" if interval is None else f"{interval[0]:.4g} to {interval[1]:.4g}"
+        shown = (
+            "–"
+            if interval is None or None in interval
+            else f"{interval[0]:.4g} to {interval[1]:.4g}"
+        )
         known = _known(row)
         table.add_row(row["name"], row["symbol"], f"{row['value']:.6g}", shown, row["units"], known)
     yield table
@@ -385,9 +388,8 @@ def _tables(report: dict[str, Any]) -> Iterator[Table]:
         parts = [row["by_quantity"].get(name) for name in quantities]
         shown_parts = ["–" if part is None else f"{100.0 * part:.3g}" for part in parts]
         role = "" if row["role"] == "fitted" else row["role"]
-        table.add_row(
-            escape(printable(row["test"])), role, f"{100.0 * row['error']:.3g}", *shown_parts
-        )
+        error = f"{100.0 * row['error']:.3g}"
+        table.add_row(printable(row["test"]), role, error, *shown_parts)
     yield table
 
 
@@ -398,6 +400,8 @@ def _known(row: dict[str, Any]) -> str:
     if row["identifiable"] is False:
         return "not identified"
     low, high = row["interval_95"]
+    if low is None or high is None:
+        return "hardly identified"
     wide = high - low > WIDE * abs(row["value"]) or 0.0 < VAST * low < high
     return "hardly identified" if wide else ""
 

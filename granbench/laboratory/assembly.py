@@ -115,7 +115,7 @@ def _recognised_kind(
             return "oedometer", "for the axial strain is all of the volume change"
         return None, ""
     change = known.water.largest_change
-    if volume_measured(measured) or change is None:
+    if volume_measured(measured) or change is None or not known.effective:
         return None, ""
     scale = max(float(np.abs(s.values[0])) for ways in known.effective.values() for s in ways)
     if change > CONSTANT_STRESS * scale:

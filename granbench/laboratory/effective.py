@@ -108,7 +108,7 @@ class _Known:
         self.effective: Stresses = {}
         self.total: Stresses = {}
         self.reasons: list[str] = []
-        self.assumed = False
+        self.assumed = self.cell = False
 
     def take(self, measured: dict[str, Measured], settings: ImportSettings, rows: int) -> None:
         """Sort in what its header, or an option, says to be effective or total."""
@@ -138,6 +138,7 @@ class _Known:
             self.reasons.append(f"{cell.name} by --stresses effective")
         else:
             self.total["radial_stress"] = cell
+            self.cell = True
 
     @property
     def _wet(self) -> bool:
@@ -283,8 +284,8 @@ class _Known:
         beside = "the other stresses" if other is None else other.name
         return DatasetError(
             f"{self.source}: column {one.name} agrees with {beside} neither as an effective nor "
-            f"as a total stress; say what it is with --column QUANTITY=HEADER, or leave one of them out "
-            f"with --ignore {one.name}"
+            f"as a total stress; say what it is with --column QUANTITY=HEADER, or leave one "
+            f"of them out with --ignore {one.name}"
         )
 
     def result(self) -> KnownStresses:
@@ -304,8 +305,8 @@ class _Known:
             raise DatasetError(
                 f"{self.source}: are {names} total or effective stresses, and what was the pore "
                 "pressure? No column gives it: name one with --column pore_pressure=HEADER, or "
-                "give a constant one with --back-pressure PA (0 for a dry specimen); --stresses "
-                "effective says that they are effective already"
+                "give a constant one with --back-pressure PA (0 for a dry specimen)"
+                + ("; --stresses effective says that it is effective already" if self.cell else "")
             )
         elif self.total:
             self.reasons.append(f"{_names(self.total)} total, not needed")
@@ -327,16 +328,14 @@ class _Known:
         if change is None:
             # Nothing to compare with: it is what they say that it is.
             moved = pressure - pressure[0]
-            return replace(self.water, change=moved, name="the pore pressure that they imply")
+            return replace(self.water, change=moved, name="the pore pressure between them")
         base = pressure - change
         if np.ptp(base) > AGREEMENT * np.abs(total.values).max() + READING:
             raise DatasetError(
                 f"{self.source}: {total.name} and {effective.name} differ by a pore pressure that "
                 f"does not change as {self.water.name} does; leave out the wrong one with --ignore"
             )
-        name = (
-            f"{self.water.name} plus the {float(base.mean()):.6g} Pa that {effective.name} implies"
-        )
+        name = f"{self.water.name} plus the {float(base.mean()):.6g} Pa implied by {effective.name}"
         return Water(change + base.mean(), change, name)
 
 

@@ -47,7 +47,7 @@ def principal_stress(
     if lateral is None and kind == "oedometer" and axial is not None:
         return _without_lateral_stress(axial.values, settings.k0)
     if lateral is None:
-        raise _no_lateral_stress(table, axial)
+        raise _no_lateral_stress(table, axial, mean)
     if axial is None and q is not None:
         axial = Series(f"{lateral.name} and {q.name}", lateral.values + q.values)
     elif axial is None and mean is not None:
@@ -122,7 +122,7 @@ def _with_option(
     return series if lateral is None else lateral
 
 
-def _no_lateral_stress(table: Table, axial: Series | None) -> DatasetError:
+def _no_lateral_stress(table: Table, axial: Series | None, mean: Series | None) -> DatasetError:
     remedy = (
         "it follows from two of q, p, axial and lateral stress: name the missing column with "
         "--column mean_stress=HEADER, or give a constant effective lateral stress with "
@@ -130,6 +130,8 @@ def _no_lateral_stress(table: Table, axial: Series | None) -> DatasetError:
     )
     if axial is not None:
         remedy += "; if this is an oedometer test, say so with --kind oedometer"
+    elif mean is not None:
+        remedy += "; if this is isotropic compression, say so with --kind isotropic"
     return missing(table, "the lateral stress", remedy)
 
 
@@ -167,9 +169,9 @@ def _require(
     names = " and ".join(dict.fromkeys((axial.name, lateral.name)))
     raise DatasetError(
         f"{table.source}, {table.places[row]}: {series.name} gives "
-        f"{_kilopascals(series.values[row])} kPa for the effective {title}, but {names} give {_kilopascals(expected[row])}; say what "
-        "each column is with --column QUANTITY=HEADER or --stresses, or leave out the wrong one "
-        "with --ignore HEADER"
+        f"{_kilopascals(series.values[row])} kPa for the effective {title}, but {names} "
+        f"give {_kilopascals(expected[row])}; say what each column is with --column "
+        "QUANTITY=HEADER or --stresses, or leave out the wrong one with --ignore HEADER"
     )
 
 
