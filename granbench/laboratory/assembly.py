@@ -8,7 +8,7 @@ from granbench.laboratory.laboratory_test import FEWEST_POINTS, LaboratoryTest, 
 from granbench.laboratory.measured import Measured, measured_quantities
 from granbench.laboratory.quantities import QUANTITIES, listed
 from granbench.laboratory.settings import ImportSettings
-from granbench.laboratory.tables import Table
+from granbench.paths.tables import Table
 from granbench.plausible import SMALLEST_STRESS
 
 Floats = NDArray[np.float64]
