@@ -107,6 +107,14 @@ class Problem(abc.ABC):
                     f"{self.name}: {name} is {value:g}; give one above 0"
                     + (f" and below {largest:g}" if largest < math.inf else ", in m/s")
                 )
+        if self.load_path is not None:
+            most = max(map(abs, self.load_path.values))
+            if most >= self.drive_length:
+                raise ConfigurationError(
+                    f"{self.name}: the load path reaches a displacement of {most:g} m, but the "
+                    f"{self.length} is {self.drive_length:g} m: is it in millimetres? State the "
+                    "unit in the file's header, as displacement [mm]"
+                )
         given = 0.0 if isinstance(self.confinement, RandomConfinement) else self.confinement
         if given is not None and not 0.0 <= given < math.inf:
             raise ConfigurationError(
