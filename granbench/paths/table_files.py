@@ -15,8 +15,8 @@ from granbench.paths.table_rows import table_rows
 from granbench.paths.tables import Column, Table
 from granbench.paths.text_rows import SEPARATORS, is_number_row, read_lines
 from granbench.paths.workbook import is_workbook, read_only_sheet
-from granbench.paths.written_numbers import cell_kind
-from granbench.units import length_factor, split_header, time_factor, unit_factor
+from granbench.paths.written_numbers import Cell, cell_kind
+from granbench.units import is_unit, length_factor, split_header, time_factor, unit_factor
 
 MOST_BYTES = 64_000_000
 """Of a file of text or a workbook that is read."""
@@ -85,7 +85,9 @@ def _table(source: str, lines: Sequence, headings: Headings, error: type[Granben
         if not header.strip() and _is_left_out(cells):
             continue
         below = (headings.units[at] if headings.units else "") or None
-        columns.append(_column(source, header.strip() or f"column {at + 1}", below, cells, error))
+        columns.append(
+            _column(source, " ".join(header.split()) or f"column {at + 1}", below, cells, error)
+        )
     return Table(source, places, columns)
 
 
@@ -93,6 +95,11 @@ def _column(
     source: str, header: str, below: str | None, cells: list, error: type[GranbenchError]
 ) -> Column:
     name, unit = split_header(header)
+    if within := _unit_within(cells):
+        cells = [str(cell).strip().removesuffix(within) if cell else cell for cell in cells]
+        below = below or within
+        if _in_si(below) != _in_si(within):
+            unit, below = below, within
     if unit and below and _in_si(unit) != _in_si(below):
         raise error(
             f"{source}: column {header!r} has the unit {unit} in its header and {below} in the "
@@ -100,6 +107,16 @@ def _column(
         )
     shown = header if unit or not below else f"{header} [{below}]"
     return Column(shown, name, unit or below, cells)
+
+
+def _unit_within(cells: Sequence[Cell]) -> str | None:
+    """The unit that stands behind every number of a column, or None."""
+    written = [str(cell).strip() for cell in cells if cell_kind(cell) != "blank"]
+    units = {cell.lstrip("+-−0123456789.,' \N{NO-BREAK SPACE}") for cell in written}
+    if len(units) != 1 or not all(cell_kind(cell) == "with unit" for cell in written):
+        return None
+    (unit,) = units
+    return unit if is_unit(unit) else None
 
 
 def _in_si(unit: str) -> object:

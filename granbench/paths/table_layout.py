@@ -5,6 +5,7 @@ of two lines, units. The heading is a line of names right above rows with as man
 several such lines it is the one with the most names that are known.
 """
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -19,6 +20,7 @@ LINES_BELOW = 4
 ROWS_JUDGED = 20
 
 IsKnown = Callable[[str], bool]
+_BARE_UNIT = re.compile(r"[\[({].*[\])}]")
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,8 @@ def _may_be_names(cells: Sequence, is_known: IsKnown) -> bool:
         return False
     written = [str(cell) for cell, kind in zip(cells, kinds, strict=True) if kind != "blank"]
     lettered = sum(any(character.isalpha() for character in name) for name in written)
+    if written[:1] == ["%"] or any(_BARE_UNIT.fullmatch(n) and _are_units([n]) for n in written):
+        return False
     if 2 * len(written) < len(cells) or 2 * lettered < len(written) or "text" not in kinds:
         return False
     # A line of units is not one of names, unless names that are looked for are spelt like units.
@@ -147,6 +151,8 @@ def _scored(
     known = _known_count(headings.names, is_known)
     fits = headings.fits
     rank = 3 if fits and known else 2 if known > 1 else 1 if fits else 0
+    if headings.first_row == len(lines):
+        rank = -1
     count = len(headings.names)
     judged = [at for at in range(headings.first_row, len(rows)) if rows[at]][:ROWS_JUDGED]
     cells = sum(

@@ -104,9 +104,9 @@ def _is_footer(cells: Row, count: int, first: Row) -> bool:
     if not written:
         return True
     at = written[0]
-    if kinds[at] not in ("text", "with unit"):
+    if kinds[at] != "text":
         return False
-    if not any(kind in ("number", "missing", "date") for kind in kinds):
+    if not any(kind in ("number", "missing", "date", "with unit") for kind in kinds):
         # Text alone; a column of remarks has numbers beside it.
         return True
     words = str(cells[at]).lower().replace(":", " ").split()

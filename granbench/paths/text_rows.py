@@ -100,8 +100,12 @@ class Line:
 
     def readings(self, separator: str) -> Iterator[tuple[str, ...]]:
         """The line as names or units of columns, split in every way that headings are."""
-        for text in dict.fromkeys((self.comment, self.text)):
-            if text is None or not text.strip():
+        texts = [self.text if self.comment is None else self.comment]
+        first = self.cells(separator)[0] if self.comment is not None else ""
+        if first == "%" or (first == "#" and separator not in ("blanks", "white space")):
+            texts.append(self.text)  # a unit, or the name of a column that counts the rows
+        for text in texts:
+            if not text.strip():
                 continue
             text = text.strip(" |") if separator == "|" else text.strip(" ")
             yield split_cells(text, separator)
@@ -127,6 +131,8 @@ def split_cells(text: str, separator: str) -> tuple[str, ...]:
     if separator == "|":
         text = text.strip().removeprefix("|").removesuffix("|")
     cells = _quoted(text, separator) if '"' in text else text.split(separator)
+    if len(cells) == 1 and separator in cells[0]:
+        cells = cells[0].split(separator)  # quotes around the whole line
     return tuple(_unquoted(cell.strip(" \t\f\v")) for cell in cells)
 
 
@@ -255,4 +261,4 @@ def _is_open(text: str) -> bool:
 
 def is_number_row(cells: Sequence[str | float | None]) -> bool:
     """Whether a line between separators may be a row of the table: it has a number."""
-    return any(cell_kind(cell) == "number" for cell in cells)
+    return any(cell_kind(cell) in ("number", "with unit") for cell in cells)

@@ -54,7 +54,8 @@ MISSING_WORDS = frozenset(
 _CHARACTERS = str.maketrans(
     {
         "\N{MINUS SIGN}": "-", "\N{EN DASH}": "-", "\N{HYPHEN}": "-",
-        "\N{NON-BREAKING HYPHEN}": "-", "\N{FULLWIDTH HYPHEN-MINUS}": "-", "\N{SMALL HYPHEN-MINUS}": "-",
+        "\N{NON-BREAKING HYPHEN}": "-", "\N{FULLWIDTH HYPHEN-MINUS}": "-",
+        "\N{SMALL HYPHEN-MINUS}": "-",
         "\N{NO-BREAK SPACE}": " ", "\N{NARROW NO-BREAK SPACE}": " ", "\N{THIN SPACE}": " ",
         "\N{FIGURE SPACE}": " ", "\N{RIGHT SINGLE QUOTATION MARK}": "'", "\N{ACUTE ACCENT}": "'",
         "\N{ZERO WIDTH NO-BREAK SPACE}": None, "\N{ZERO WIDTH SPACE}": None,
