@@ -11,6 +11,8 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 from rich.table import Table
 
+from granbench.cli.termination import stopped_by_sigterm
+
 if TYPE_CHECKING:
     from granbench.data.download import Progress as OnProgress
     from granbench.data.registry import RegistryEntry
@@ -226,7 +228,7 @@ def fetch(
     """
     from granbench.data.store import bring, dataset_file
 
-    with _download_bar(quiet) as progress:
+    with stopped_by_sigterm(), _download_bar(quiet) as progress:
         if dest:
             file = bring(name, dest, progress, minutes=make)
         else:
