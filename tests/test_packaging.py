@@ -15,6 +15,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import granbench
+from granbench.data.registry import entries
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
@@ -101,6 +102,26 @@ def test_wheel_leaves_large_data_and_submissions_out(wheel: zipfile.ZipFile) -> 
     data = [entry for entry in wheel.infolist() if entry.filename.endswith((".nc", ".safetensors"))]
     assert all(entry.filename.startswith("granbench/data/mini/") for entry in data)
     assert all(entry.file_size < 1_000_000 for entry in data)
+
+
+def test_the_data_wheel_holds_every_reference_dataset(tmp_path: Path) -> None:
+    copy = tmp_path / "data"
+    shutil.copytree(ROOT / "datasets", copy, ignore=shutil.ignore_patterns("__pycache__", "*.nc"))
+    files = {file.name for file in (ROOT / "datasets").glob("*.nc")}
+    for name in files:  # what is in them is checked elsewhere
+        (copy / name).touch()
+    subprocess.run(
+        [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", "dist", "."],
+        cwd=copy,
+        check=True,
+        capture_output=True,
+    )
+    (file,) = (copy / "dist").glob("granbench_data-*.whl")
+    inside = {Path(name).as_posix() for name in zipfile.ZipFile(file).namelist()}
+    assert {f"granbench_data/{name}" for name in (*files, "__init__.py")} <= inside
+    assert any(name.endswith("licenses/LICENSE-DATA") for name in inside)
+    registered = {entry.file for entry in entries() if entry.tier == "core"}
+    assert registered == files
 
 
 def test_every_baseline_that_is_registered_can_be_loaded() -> None:

@@ -13,6 +13,7 @@ from rich.table import Table
 from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.cli.pictures import drawing_errors
 from granbench.cli.printing import print_json, say, show
+from granbench.cli.termination import stopped_by_sigterm
 
 if TYPE_CHECKING:
     from granbench.data.download import Progress as OnProgress
@@ -221,7 +222,7 @@ def fetch(
     """
     from granbench.data.store import bring, dataset_file
 
-    with _download_bar(quiet) as progress:
+    with stopped_by_sigterm(), _download_bar(quiet) as progress:
         if dest:
             file = bring(name, dest, progress, minutes=make)
         else:
