@@ -7,7 +7,6 @@ import torch
 from torch import Tensor
 
 from granbench.cell import MaterialCell
-from granbench.checks import NO_TANGENT
 from granbench.errors import GranbenchError
 from granbench.protocols.surviving import FLOATING_FAILURES, Series, surviving, surviving_step
 
@@ -47,7 +46,10 @@ def tangent_obstacle(cell: MaterialCell, dstrain: Tensor, state: Tensor) -> str 
         return None
     except RuntimeError as error:
         # torch says so where a step leaves torch, or writes into what it has read.
-        return f"{NO_TANGENT}{str(error).splitlines()[0]}"
+        return (
+            "the cell offers no tangent and its step cannot be differentiated: "
+            f"{str(error).splitlines()[0]}"
+        )
     return None
 
 
