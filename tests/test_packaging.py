@@ -146,7 +146,7 @@ def test_no_two_test_files_share_a_name() -> None:
 LAYERS = (
     (
         *("errors", "tensors", "whole_file", "printable", "rounding", "plausible"),
-        *("bounded_reading", "json_reading", "netcdf_reading"),
+        *("bounded_reading", "json_reading", "netcdf_reading", "turning_points"),
     ),
     ("cell", "schema", "schema_check", "records"),
     ("observations", "baseline", "axes", "checks", "boundary_values", "predictions"),

@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from granbench.cli.options import refuse_overwriting, require_one_of
+from granbench.cli.options import default_task, refuse_overwriting, require_one_of
 from granbench.cli.printing import print_json, show
 from granbench.errors import ConfigurationError
 
@@ -36,8 +36,13 @@ def evaluate(
         ),
     ],
     task: Annotated[
-        str, typer.Option("--task", help="Dataset name, NAME@VERSION or netCDF file.")
-    ] = "dem-triaxial",
+        str | None,
+        typer.Option(
+            "--task",
+            help="Dataset name, NAME@VERSION or netCDF file; dem-triaxial by default, or "
+            "dem-triaxial-mini where that is not on this machine.",
+        ),
+    ] = None,
     axis: Annotated[
         list[str] | None,
         typer.Option(
@@ -98,6 +103,7 @@ def evaluate(
     from granbench.protocols import predict, progress_parts
     from granbench.records import open_records
 
+    task = task or default_task()
     numbers = _numbers(seeds)
     axes = chosen_axes(axis or AXES)
     for target in (out, check_target(out)):

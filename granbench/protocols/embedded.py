@@ -150,7 +150,10 @@ def _analysed(
     problem = posed(analysis)
     settings = settings_for(problem, solver)
     if isinstance(settings, ExplicitSettings):
-        settings = replace(settings, outputs=analysis.outputs, modulus=analysis.modulus)
+        # The stated number of outputs, so that all analyses of a dataset have one shape.
+        settings = replace(
+            settings, outputs=analysis.outputs, modulus=analysis.modulus, turning_points=False
+        )
     else:
         settings = replace(settings, steps=analysis.outputs, cuts=CUTS)
     limit = UPDATES * analysis.outputs if isinstance(settings, ImplicitSettings) else None
