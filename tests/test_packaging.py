@@ -172,7 +172,7 @@ LAYERS = (
     ),
     ("cell", "step_differences", "schema", "schema_check", "records"),
     ("observations", "baseline", "axes", "checks", "boundary_values", "predictions"),
-    ("plotting", "paths"),
+    ("plotting", "paths", "mesh_files"),
     ("data",),
     ("models",),
     ("element_test", "stress_control", "difference_tangent"),
