@@ -5,7 +5,6 @@
 
 import importlib
 import inspect
-import json
 import random
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -22,6 +21,7 @@ from granbench.baseline import DESCRIPTION_FILE, Baseline, baseline_names, find_
 from granbench.cell import MaterialCell
 from granbench.cell_form import require_attributes
 from granbench.errors import ConfigurationError, ModelError, alternatives
+from granbench.json_reading import read_json_object
 from granbench.models import MODELS
 from granbench.tensors import component_order
 from granbench.user_code import user_code
@@ -229,13 +229,11 @@ def _untrained(name: str, records: xr.Dataset, seeds: Sequence[int] | None) -> C
 
 def _architecture(folder: Path) -> str:
     """Name of the baseline that a trained model's folder holds; ModelError if it is damaged."""
-    path = folder / DESCRIPTION_FILE
-    try:
-        return str(json.loads(path.read_text())["baseline"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ModelError(
-            f"{path}: is damaged ({error}); train the model again or copy the file anew"
-        ) from error
+    path, remedy = folder / DESCRIPTION_FILE, "train the model again or copy the file anew"
+    name = read_json_object(path, ModelError, remedy=remedy).get("baseline")
+    if not isinstance(name, str):
+        raise ModelError(f"{path}: is damaged ('baseline' must be text); {remedy}")
+    return name
 
 
 def _labels(folders: Sequence[Path], seeds: Sequence[int] | None) -> tuple[int, ...]:
@@ -257,10 +255,9 @@ def _labels(folders: Sequence[Path], seeds: Sequence[int] | None) -> tuple[int, 
 
 def _description(folder: Path) -> dict[str, Any]:
     try:
-        content = json.loads((folder / DESCRIPTION_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return read_json_object(folder / DESCRIPTION_FILE, ModelError, remedy="")
+    except ModelError:
         return {}
-    return content if isinstance(content, dict) else {}
 
 
 def _training(folder: Path) -> dict[str, Any]:

@@ -120,7 +120,8 @@ def _scored(file: Path, dataset: xr.Dataset, about: About) -> Submission:
     # Who scores zero everywhere knows the answers: it frames the table, it does not lead it.
     role = "ceiling" if card.perfect else about.role
     return Submission(
-        **about.model_dump() | {"role": role},
+        **about.model_dump()
+        | {"role": role, "deterministic": is_deterministic(stored) or about.deterministic},
         metric_version=card.metric_version,
         task=name,
         dataset=DatasetReference(
@@ -130,7 +131,6 @@ def _scored(file: Path, dataset: xr.Dataset, about: About) -> Submission:
             split_sha256=split_hash(dataset),
         ),
         seeds=tuple(int(seed) for seed in stored["seed"].values),
-        deterministic=is_deterministic(stored) or None,
         environment=Environment.here(),
         predictions=PredictionsReference(
             file=file.name, sha256=file_digest(file), bytes=file.stat().st_size

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Mapping
 from contextlib import nullcontext, redirect_stdout
@@ -99,6 +100,7 @@ def run(
         "solver": "explicit" if isinstance(settings, ExplicitSettings) else "implicit",
         "settings": asdict(settings),
         "mesh": mesh_name or "given",
+        "mesh_notes": json.dumps(mesh.notes),
         "completed": int(failure is None),
         "failed_step": getattr(failure, "step", -1),
         "initial_imbalance": points.initial_imbalance,

@@ -15,6 +15,8 @@ import torch
 import xarray as xr
 
 from granbench.boundary_values import (
+    NOT_IN_THE_PLANE,
+    READS_RECORDS,
     SOLVERS,
     EmbeddedAnalysis,
     embedded_analyses,
@@ -66,9 +68,9 @@ def embedded_obstacle(dataset: xr.Dataset, cells: Iterable[MaterialCell]) -> str
     if not embedded_analyses(dataset):
         return "this task has no boundary-value problem with a ground-truth cell"
     if tuple(map(str, dataset["component"].values)) != COMPONENT_ORDERS[ORDER]:
-        return "the analyses are in the plane, the records are not"
+        return NOT_IN_THE_PLANE
     if any(cell.reads_records for cell in cells):
-        return "the model reads its answers from the records and has none inside an analysis"
+        return READS_RECORDS
     _truth(dataset)
     return None
 
@@ -160,7 +162,10 @@ def _analysed(
     problem = posed(analysis)
     settings = settings_for(problem, solver)
     if isinstance(settings, ExplicitSettings):
-        settings = replace(settings, outputs=analysis.outputs, modulus=analysis.modulus)
+        # The stated number of outputs, so that all analyses of a dataset have one shape.
+        settings = replace(
+            settings, outputs=analysis.outputs, modulus=analysis.modulus, turning_points=False
+        )
     else:
         settings = replace(settings, steps=analysis.outputs, cuts=CUTS)
     limit = UPDATES * analysis.outputs if isinstance(settings, ImplicitSettings) else None
