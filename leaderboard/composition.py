@@ -120,8 +120,7 @@ def _scored(file: Path, dataset: xr.Dataset, about: About) -> Submission:
     # Who scores zero everywhere knows the answers: it frames the table, it does not lead it.
     role = "ceiling" if card.perfect else about.role
     return Submission(
-        **about.model_dump()
-        | {"role": role, "deterministic": is_deterministic(stored) or about.deterministic},
+        **about.model_dump() | {"role": role, "deterministic": is_deterministic(stored) or None},
         metric_version=card.metric_version,
         task=name,
         dataset=DatasetReference(

@@ -239,5 +239,7 @@ def test_user_code_that_raises_is_named() -> None:
         def forward(self, dstrain, state):
             raise KeyError("fabric")
 
-    with pytest.raises(ModelError, match=r"failed with KeyError \(.fabric.\) at test_embedded.py line"):
+    with pytest.raises(
+        ModelError, match=r"failed with KeyError \(.fabric.\) at test_embedded.py line"
+    ):
         made(cell(Broken()), task(analyses=(ROUGH,)))
