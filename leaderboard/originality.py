@@ -13,9 +13,10 @@ import numpy as np
 import xarray as xr
 
 from granbench.axes import COST, EMBEDDED, PROTOCOLS
+from granbench.baseline import find_baseline
 from granbench.data.normalisation import Normalisation
 from granbench.data.replicates import replicate_scatter
-from granbench.errors import DatasetError
+from granbench.errors import DatasetError, ModelError
 from granbench.models import MODELS
 from granbench.predictions import evaluated, quantise
 from granbench.scoring import Score
@@ -95,9 +96,10 @@ def is_classical(baseline: str | None) -> bool:
     """
     if baseline is None:
         return True
-    from granbench.baseline import find_baseline
-
-    return getattr(find_baseline(baseline), "model", None) in MODELS
+    try:
+        return getattr(find_baseline(baseline), "model", None) in MODELS
+    except ModelError:
+        return False
 
 
 def copied_protocols(predictions: xr.Dataset, records: xr.Dataset) -> Iterator[str]:
