@@ -13,9 +13,10 @@ import numpy as np
 import xarray as xr
 
 from granbench.axes import COST, EMBEDDED, PROTOCOLS
+from granbench.baseline import find_baseline
 from granbench.data.normalisation import Normalisation
 from granbench.data.replicates import replicate_scatter
-from granbench.errors import DatasetError
+from granbench.errors import DatasetError, ModelError
 from granbench.models import MODELS
 from granbench.predictions import evaluated, quantise
 from granbench.scoring import Score
@@ -95,9 +96,10 @@ def is_classical(baseline: str | None) -> bool:
     """
     if baseline is None:
         return True
-    from granbench.baseline import find_baseline
-
-    return getattr(find_baseline(baseline), "model", None) in MODELS
+    try:
+        return getattr(find_baseline(baseline), "model", None) in MODELS
+    except ModelError:
+        return False
 
 
 def copied_protocols(predictions: xr.Dataset, records: xr.Dataset) -> Iterator[str]:
@@ -154,16 +156,20 @@ def _floor(records: xr.Dataset) -> float:
 
 
 def _left_of_scaled_truth(errors: Errors) -> float:
-    """Mean square of what a factor and a constant for each component do not explain, least seed."""
+    """Share of the truth's variance that the predictions times a factor leave, least seed.
+
+    Each component has a factor and a constant of its own; predictions that never change leave all.
+    """
     axes = (0, 1)
     true = errors.true - errors.true.mean(axis=axes)
-    scale = np.sqrt((true**2).mean(axis=axes))
+    variance = (true**2).mean(axis=axes)
     left = []
     for predicted in np.nan_to_num(errors.predicted):
         centred = predicted - predicted.mean(axis=axes)
-        factor = (centred * true).mean(axis=axes) / np.maximum((true**2).mean(axis=axes), 1e-300)
-        rest = (centred - factor * true) / np.where(scale > 0.0, scale, 1.0)
-        left.append(float((rest**2).mean()))
+        square = (centred**2).mean(axis=axes)
+        factor = (centred * true).mean(axis=axes) / np.where(square > 0.0, square, 1.0)
+        rest = ((true - factor * centred) ** 2).mean(axis=axes)
+        left.append(float((rest / np.where(variance > 0.0, variance, 1.0)).mean()))
     return min(left)
 
 

@@ -120,8 +120,11 @@ class Table:
     def leader(self) -> str | None:
         """Names of the best ranked models, if any: several where they share the first rank."""
         ranked = [row for row in self.rows if row.ranked]
-        first = [row.name for row in ranked if row.rank == ranked[0].rank] if ranked else []
-        return " and ".join(first[:1] if not ranked or not ranked[0].rank else first) or None
+        if not ranked:
+            return None
+        best = ranked[0]
+        shared = [row.name for row in ranked if best.rank and row.rank == best.rank]
+        return " and ".join(shared or [best.name])
 
 
 def metrics_shown(submissions: Sequence[Submission]) -> dict[str, str]:

@@ -54,8 +54,8 @@ def embedded_scores(
         return list(_without(analyses, "not_applicable", obstacle)), []
     if predictions.attrs[EMBEDDED_OBSTACLE] != "":
         raise SubmissionError(
-            "the predictions say that the embedded axis does not apply, but on this task it "
-            "applies to a model that computes its answers; run `granbench evaluate` again"
+            "the predictions say that the embedded axis does not apply to a model that computes "
+            "its answers; run `granbench evaluate` again"
         )
     _check(predictions, truth, analyses)
     scores: list[Score] = []

@@ -51,7 +51,9 @@ EXCUSES = {
     "rotation": {PHYSICS_OBSTACLES: json.dumps({"rotation": PRINCIPAL})},
     "dissipation": {PHYSICS_OBSTACLES: json.dumps({"dissipation": "not needed"})},
     "the tangent": {PHYSICS_OBSTACLES: json.dumps({"tangent": "not needed"})},
-    "the tangent, with a page": {PHYSICS_OBSTACLES: json.dumps({"tangent": f"{NO_TANGENT[0]}\n<b>"})},
+    "the tangent, with a page": {
+        PHYSICS_OBSTACLES: json.dumps({"tangent": f"{NO_TANGENT[0]}\n<b>"})
+    },
     "a check with a list": {PHYSICS_OBSTACLES: json.dumps({"rotation": [PRINCIPAL]})},
 }
 
