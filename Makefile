@@ -1,4 +1,5 @@
-# make setup demo test slow bench lint docs wheels: everything that is done with this checkout.
+# make setup demo test slow bench lint docs wheels revalidate revalidate-changed: everything that
+# is done with this checkout.
 # Variables: PYTHON (3.11 or newer), VENV (where it is installed), OUT (where the demo writes),
 # CORE (where `make core` works). OUT and CORE may hold any character but a line break.
 
@@ -10,6 +11,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
 .PHONY: setup engine browser demo test slow bench lint docs wheels core clean
+.PHONY: revalidate revalidate-changed
 
 # The shell reads them from its environment and make does not expand them, so that $ and spaces
 # stay what they are.
@@ -22,6 +24,8 @@ INSTALLED := $(VENV)/.installed
 RUFF_FOLDERS := granbench generators baselines leaderboard tests benchmarks docs
 # The networks are small: one thread each is faster than two that wait for one another.
 export OMP_NUM_THREADS ?= 1
+# Scripts that draw must not depend on the backend of the shell, as of a notebook.
+export MPLBACKEND := agg
 
 setup: engine $(INSTALLED)
 
@@ -61,6 +65,14 @@ lint: setup
 	@rm -rf build && $(BIN)/python -m build --wheel --no-isolation --outdir build/wheel . >/dev/null
 	@$(BIN)/python -m zipfile --extract build/wheel/*.whl build/unpacked
 	MYPYPATH=build/unpacked $(BIN)/mypy -p granbench
+
+# Every row of the board is scored or run again, which takes hours; run it again to continue.
+revalidate: setup
+	$(BIN)/granbench leaderboard revalidate --state campaigns/revalidated.json
+
+# Only the rows that differ from where the branch left main, or on main from the commit before.
+revalidate-changed: setup
+	$(BIN)/granbench leaderboard revalidate --changed
 
 docs: setup
 	@for file in datasets/*.nc; do $(BIN)/python -m granbench.data.card "$$file" --out docs/datasets; done

@@ -165,13 +165,17 @@ def test_no_two_test_files_share_a_name() -> None:
 
 
 LAYERS = (
-    ("errors", "tensors", "whole_file", "bounded_reading", "rounding", "plausible"),
-    ("cell", "schema", "schema_check", "records"),
+    (
+        *("errors", "tensors", "whole_file", "printable", "rounding", "plausible"),
+        *("bounded_reading", "json_reading", "netcdf_reading", "turning_points", "user_code"),
+    ),
+    ("cell", "step_differences", "schema", "schema_check", "records"),
     ("observations", "baseline", "axes", "checks", "boundary_values", "predictions"),
     ("plotting", "paths"),
     ("data",),
     ("models",),
     ("element_test", "stress_control", "difference_tangent"),
+    ("cell_check", "cell_contents", "cell_form", "tangent_check"),
     ("fem", "plotting.fem"),
     ("scoring",),
     ("protocols", "candidate"),

@@ -1,11 +1,11 @@
 """`granbench generate`: run, or continue, the campaign that makes a dataset."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from granbench.cli.printing import print_json, say
 from granbench.cli.termination import stopped_by_sigterm
 
 
@@ -47,12 +47,12 @@ def generate(
             "failed": report.failed,
             "damaged": report.damaged,
         }
-        typer.echo(json.dumps(outcome, indent=1))
+        print_json(outcome)
         return
     if quiet:
         return
-    typer.echo(f"{len(report.done)} jobs done, {len(report.skipped)} of them earlier: {path}")
+    say(f"{len(report.done)} jobs done, {len(report.skipped)} of them earlier: {path}")
     for key, reason in report.damaged.items():
-        typer.echo(f"found damaged, and made again: {key}: {reason}")
+        say(f"found damaged, and made again: {key}: {reason}")
     for key, reason in report.failed.items():
-        typer.echo(f"failed, and not in the data: {key}: {reason}")
+        say(f"failed, and not in the data: {key}: {reason}")

@@ -12,10 +12,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from granbench.cli.options import default_task
+from granbench.cli.pictures import draw_beside_results
+from granbench.cli.printing import print_json
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError, GranbenchError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from granbench.baseline import EpochReport
 
 SECONDS_PER_MINUTE = 60.0
@@ -70,6 +74,7 @@ def train(
     import torch
 
     from granbench.baseline import DESCRIPTION_FILE, TrainingRequest, find_baseline
+    from granbench.baselines.training.history import CURVE_FILE, HISTORY_FILE
     from granbench.data.verification import task_file
     from granbench.records import open_records
 
@@ -96,9 +101,13 @@ def train(
                 on_epoch=show,
             )
         )
+    if (folder / HISTORY_FILE).exists():  # a fit of a classical model has none
+        draw_beside_results(
+            folder / CURVE_FILE, lambda: _figure(folder, f"{baseline}, seed {seed}")
+        )
     description = json.loads((folder / DESCRIPTION_FILE).read_text())
     if as_json:
-        typer.echo(json.dumps(description | {"folder": str(folder)}, indent=2))
+        print_json(description | {"folder": str(folder)})
     elif not quiet:
         run = description["training"]
         typer.echo(
@@ -106,6 +115,13 @@ def train(
             f"{run['best_epoch']} of {run['epochs']} (ended by {run['ended_by']}, "
             f"{run['seconds'] / SECONDS_PER_MINUTE:.1f} minutes); the model is in {folder}"
         )
+
+
+def _figure(folder: Path, title: str) -> "Figure":
+    from granbench.baselines.training.history import learning_curve, read_history
+    from granbench.plotting import learning_curve_figure
+
+    return learning_curve_figure(learning_curve(read_history(folder)), title=title)
 
 
 @contextmanager

@@ -22,7 +22,7 @@ from granbench.data.registry import RegistryEntry, entries
 from granbench.data.registry import entry as registry_entry
 from granbench.data.splits import select_split
 from granbench.errors import ConfigurationError, DatasetError, DownloadError
-from granbench.records import open_records
+from granbench.records import mark_as_checked, open_records
 from granbench.whole_file import whole_file
 
 CACHE_VARIABLE = "GRANBENCH_CACHE"
@@ -96,7 +96,19 @@ def _is_whole(path: Path, entry: RegistryEntry) -> bool:
     if not is_whole(path, entry):
         return False
     _checked.add(mark)
+    mark_as_checked(path)
     return True
+
+
+def registered_file(path: Path) -> RegistryEntry | None:
+    """The entry whose file this is, byte for byte; None if it is no registered file.
+
+    Parameters
+    ----------
+    path : a file by whatever name
+    """
+    candidates = (entry for entry in entries() if _is_whole(path, entry))
+    return next(candidates, None)
 
 
 def dataset_file(name: str, progress: Progress | None = None, *, minutes: bool = False) -> Path:
