@@ -155,11 +155,6 @@ class About(_Record):
     training_data: Line
     licence: Line
     command: Line
-    deterministic: bool | None = Field(
-        default=None,
-        description="whether the model has one answer for every seed, which then only drives the "
-        "noise; null: it follows from the scores by seed",
-    )
 
     @classmethod
     def checked(cls, **fields: Any) -> "About":
@@ -184,6 +179,10 @@ class Submission(About):
     task: Line
     dataset: DatasetReference
     seeds: tuple[Seed, ...] = Field(min_length=1, max_length=MOST_SEEDS)
+    deterministic: bool | None = Field(
+        default=None,
+        description="true: one and the same model under every seed, which only draws the noise",
+    )
     environment: Environment
     predictions: PredictionsReference | None = Field(
         default=None, description="or else `model`; one of the two is the evidence for the scores"

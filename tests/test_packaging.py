@@ -167,11 +167,12 @@ def test_no_two_test_files_share_a_name() -> None:
 LAYERS = (
     (
         *("errors", "tensors", "whole_file", "printable", "rounding", "plausible"),
-        *("bounded_reading", "json_reading", "netcdf_reading", "turning_points", "user_code"),
+        *("bounded_reading", "input_file", "json_reading", "netcdf_reading", "turning_points"),
+        *("units", "user_code"),
     ),
     ("cell", "step_differences", "schema", "schema_check", "records"),
     ("observations", "baseline", "axes", "checks", "boundary_values", "predictions"),
-    ("plotting", "paths"),
+    ("plotting", "paths", "mesh_files"),
     ("data",),
     ("models",),
     ("element_test", "stress_control", "difference_tangent"),

@@ -7,7 +7,6 @@ import torch
 from torch import Tensor
 
 from granbench.cell import FLOATING_FAILURES, MaterialCell
-from granbench.checks import NO_TANGENT
 from granbench.errors import GranbenchError
 from granbench.protocols.surviving import Series, surviving, surviving_step
 from granbench.user_code import failure_location
@@ -48,13 +47,13 @@ def tangent_obstacle(cell: MaterialCell, dstrain: Tensor, state: Tensor) -> str 
         by_torch = type(cell).tangent is MaterialCell.tangent
         if by_torch and tangent.any() and cell.differentiated(increment, before) is None:
             return (
-                f"{NO_TANGENT}torch finds no gradients; analyses take its tangent by differences, "
+                "the model gives torch no gradients; analyses take its tangent by differences, "
                 "with which it would be compared here"
             )
     except (GranbenchError, *FLOATING_FAILURES):
         return None
     except Exception as error:
-        return f"{NO_TANGENT}{failure_location(error)}"
+        return f"the tangent of the model fails: {failure_location(error)}"
     return None
 
 

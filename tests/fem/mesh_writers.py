@@ -137,7 +137,10 @@ def abaqus(found: Specimen, kind: str, *, boundaries: str = "nset") -> str:
     """An input file as Abaqus/CAE writes it; boundaries as nset, surface or elset of trusses."""
     part = ["*Heading", "** a comment", "*Part, name=Soil", "*Node"]
     used = np.unique(found.elements)
-    part += [f"{node + 1:7d}, {found.nodes[node, 0]!r}, {found.nodes[node, 1]!r}" for node in used]
+    part += [
+        f"{node + 1:7d}, {float(found.nodes[node, 0])!r}, {float(found.nodes[node, 1])!r}"
+        for node in used
+    ]
     part.append(f"*Element, type={kind}")
     part += [
         ", ".join(map(str, (number, *(element + 1))))
