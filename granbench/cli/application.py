@@ -14,6 +14,7 @@ import typer
 
 from granbench import __version__
 from granbench.cli import data, drive, evaluate, fem, fit, generate, leaderboard, submission, train
+from granbench.cli.printing import note
 from granbench.cli.streams import flush_streams, prepare_streams
 from granbench.cli.termination import INTERRUPTED
 from granbench.errors import GranbenchError
@@ -97,7 +98,7 @@ class _Notes(logging.Handler):
     """What the library does by itself and takes time over, such as making a dataset, on stderr."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        typer.echo(record.getMessage(), err=True)
+        note(record.getMessage())
 
 
 def _notes(silent: bool) -> logging.Handler:

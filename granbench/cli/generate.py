@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from granbench.cli.printing import print_json
+from granbench.cli.printing import print_json, say
 from granbench.cli.termination import stopped_by_sigterm
 
 
@@ -51,8 +51,8 @@ def generate(
         return
     if quiet:
         return
-    typer.echo(f"{len(report.done)} jobs done, {len(report.skipped)} of them earlier: {path}")
+    say(f"{len(report.done)} jobs done, {len(report.skipped)} of them earlier: {path}")
     for key, reason in report.damaged.items():
-        typer.echo(f"found damaged, and made again: {key}: {reason}")
+        say(f"found damaged, and made again: {key}: {reason}")
     for key, reason in report.failed.items():
-        typer.echo(f"failed, and not in the data: {key}: {reason}")
+        say(f"failed, and not in the data: {key}: {reason}")

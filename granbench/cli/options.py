@@ -4,8 +4,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-import typer
-
+from granbench.cli.printing import note
 from granbench.errors import ConfigurationError
 from granbench.whole_file import cannot_write
 
@@ -53,10 +52,9 @@ def default_task() -> str:
 
     task = default_dataset()
     if task != DEFAULTS[0]:
-        typer.echo(
+        note(
             f"{DEFAULTS[0]} is not on this machine, so {task} is taken; name another dataset with "
-            "--task (`granbench data list`)",
-            err=True,
+            "--task (`granbench data list`)"
         )
     return task
 

@@ -12,8 +12,9 @@ import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from pathlib import Path
+from typing import Any
 
 from granbench.data.partial_file import discard, open_partial, partial_size
 
@@ -149,7 +150,9 @@ def _continue(
                 piece = next(pieces, b"")
 
 
-def _pieces(address: str, size: int, start: int, partial: Path, rate: _Rate) -> Iterator:
+def _pieces(
+    address: str, size: int, start: int, partial: Path, rate: _Rate
+) -> Generator[Any, None, None]:
     """The byte that the server starts from, then what it sends, piece by piece.
 
     The connection lives in a thread: a server may take its time byte by byte over the headers,

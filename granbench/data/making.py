@@ -26,6 +26,14 @@ FOLDER_OPTION = "--out"
 FOLDER = "DIR"
 """Stands for the folder in a registered command."""
 
+PROGRAM = """
+import ctypes, runpy, sys
+if sys.platform == "linux":
+    ctypes.CDLL(None).prctl(1, 15)  # SIGTERM when the process that asked for the dataset ends
+runpy.run_module("granbench", run_name="__main__", alter_sys=True)
+"""
+"""Runs `granbench`, and stops with the process that has started it, even if that one is killed."""
+
 logger = logging.getLogger(__name__)
 
 _checked: set[tuple[str, int, int, str]] = set()
@@ -144,7 +152,7 @@ def _run(entry: RegistryEntry, workshop: Path) -> None:
     words = [str(workshop) if word == FOLDER else word for word in shlex.split(entry.generator)]
     # The generators are in a layer above this one, and what they load stays out of this process.
     # -P: a folder `granbench` that happens to be here is not the installed package.
-    program = [sys.executable, "-P", "-m", *words[:1], *words[1:]]
+    program = [sys.executable, "-P", "-c", PROGRAM, *words[1:]]
     shown = logger.isEnabledFor(logging.INFO) and sys.stderr is not None and sys.stderr.isatty()
     command = program if shown else [*program, "--quiet"]
     with subprocess.Popen(

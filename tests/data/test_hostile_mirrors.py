@@ -27,7 +27,7 @@ def published(shelf, content):
     return RegistryEntry(
         id="made-up", version="1.0.0", title="", tier="core", licence="", thesis_section="",
         file="made-up.nc", bytes=len(content), sha256=hashlib.sha256(content).hexdigest(),
-        content_sha256="0" * 64, split_sha256="0" * 64, generator="none",
+        content_sha256="0" * 64, attributes_sha256="0" * 64, split_sha256="0" * 64, generator="none",
     )  # fmt: skip
 
 
