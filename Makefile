@@ -1,5 +1,6 @@
-# make setup demo test slow bench lint docs: everything that is done with this checkout.
-# Variables: PYTHON (3.11 or newer), VENV (where it is installed), OUT (where the demo writes).
+# make setup demo test slow fuzz bench lint docs: everything that is done with this checkout.
+# Variables: PYTHON (3.11 or newer), VENV (where it is installed), OUT (where the demo writes),
+# FUZZ_SECONDS and FUZZ_SEED (how long files are changed at random, and from which seed).
 
 PYTHON ?= python3
 VENV ?= .venv
@@ -7,7 +8,7 @@ OUT ?= demo-out
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
-.PHONY: setup engine browser demo test slow bench lint docs core clean
+.PHONY: setup engine browser demo test slow fuzz bench lint docs core clean
 
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
@@ -42,6 +43,12 @@ test: setup browser
 
 slow: setup browser
 	$(BIN)/python -m pytest -m slow
+
+# Files of every kind that is read, changed at random; a minute of it stands in `make test`.
+FUZZ_SECONDS ?= 3600
+FUZZ_SEED ?= 0
+fuzz: setup
+	$(BIN)/python tests/fuzz/run.py --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED)
 
 bench: setup
 	@for script in benchmarks/*.py; do $(BIN)/python $$script; done

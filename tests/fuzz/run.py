@@ -166,6 +166,7 @@ def try_case(kind: str, case: str, seeds: Path, folder: Path) -> dict[str, Any]:
     make_case(kind, seeds, case, folder)
     signal.setitimer(signal.ITIMER_PROF, LONGEST)
     try:
+        _injected_fault()
         KINDS[kind].read(folder)
         outcome: dict[str, Any] = {"outcome": "accepted"}
     except GranbenchError as error:
@@ -175,6 +176,21 @@ def try_case(kind: str, case: str, seeds: Path, folder: Path) -> dict[str, Any]:
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
     return outcome
+
+
+def _injected_fault() -> None:
+    """The failure that a test of the fuzzer itself asks for."""
+    fault = os.environ.get("GRANBENCH_FUZZ_FAULT")
+    if fault == "raises":
+        raise KeyError("no such column")
+    if fault == "allocates":
+        bytearray(2 * MOST_MEMORY)
+    if fault == "ends":
+        os.kill(os.getpid(), signal.SIGSEGV)
+    if fault == "waits":
+        signal.setitimer(signal.ITIMER_PROF, 0.2)
+        while True:
+            pass
 
 
 def _prepare() -> None:
