@@ -159,7 +159,7 @@ def test_hostile_predictions_are_one_sentence(case: str, records, tmp_path: Path
     attrs = {"physics_not_applicable": "{}"}
     predictions = assemble(
         {"stress": np.ones(shape)},
-        dataset=scored, seeds=(0, 1), protocols=("free-run",), attrs=attrs,
+        dataset=scored, seeds=(0, 1), protocols=("rollout",), attrs=attrs,
     )  # fmt: skip
     file = tmp_path / "p.nc"
     write_predictions(predictions, file)

@@ -79,8 +79,8 @@ def _read_dataset(folder: Path) -> None:
 
 def _submission_seeds(folder: Path) -> None:
     for name, made, axes in (
-        ("particles", synthetic_records(n_specimens=8, steps=12), ("free-run", "physics", "cost")),
-        ("plane", plane_records(), ("free-run", "single-step")),
+        ("particles", synthetic_records(n_specimens=8, steps=12), ("rollout", "physics", "cost")),
+        ("plane", plane_records(), ("rollout", "single-step")),
     ):
         records = _in(folder, f"{name}/records.nc")
         write_records(made, records)
