@@ -175,6 +175,11 @@ class FittedBaseline:
         order = component_order(tuple(map(str, records["component"].values)))
         if description.configuration != {"model": self.model}:
             raise ModelError(f"{folder}: its configuration is not that of {self.model!r}")
+        if several := [name for name, value in weights.items() if value.numel() != 1]:
+            raise ModelError(
+                f"{folder}: parameter {several[0]!r} has {weights[several[0]].numel()} values, not "
+                "one; fit the model again"
+            )
         values = {name: float(value) for name, value in weights.items()}
         try:
             return find_model(self.model)(values, order=order)

@@ -60,7 +60,7 @@ class GruConfiguration:
             )
         for name in ("hidden", "layers"):
             width = getattr(self, name)
-            if not isinstance(width, int) or width < 1:
+            if isinstance(width, bool) or not isinstance(width, int) or width < 1:
                 raise ModelError(f"{name} is {width!r}; it must be an integer of at least 1")
         if self.output not in OUTPUTS:
             raise ModelError(f"unknown output {self.output!r}; use {', '.join(OUTPUTS)}")
@@ -81,6 +81,10 @@ class GruConfiguration:
     def as_dict(self) -> dict[str, Any]:
         """Settings by name, for a file."""
         return asdict(self)
+
+    def sizes(self) -> dict[str, int]:
+        """See `granbench.baselines.network_baseline.Configuration.sizes`."""
+        return {"layers": self.layers, "hidden": self.hidden}
 
     @property
     def components(self) -> int:

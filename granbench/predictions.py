@@ -50,6 +50,9 @@ PHYSICS_OBSTACLES = "physics_not_applicable"
 EMBEDDED_OBSTACLE = "embedded_not_applicable"
 """Global attribute where the embedded axis was run: why it does not apply, "" where it does."""
 
+CELL_NOTES = "cell_notes"
+"""Global attribute: JSON, what was put right of the model's cells; absent where nothing was."""
+
 EMBEDDED_FAILURES = "embedded_failures"
 """Global attribute: JSON, why analyses ended early, by SEED/SOLVER/ANALYSIS."""
 
@@ -156,6 +159,21 @@ def evaluated(dataset: xr.Dataset) -> xr.Dataset:
             f"{', '.join(sorted(set(split)))}"
         )
     return dataset.isel(path=chosen)
+
+
+def is_deterministic(predictions: xr.Dataset) -> bool:
+    """Whether several seeds are one and the same model: all that no seed enters is the same.
+
+    Only the draws of the noise differ then. Of one seed, and where nothing is compared with
+    recorded paths but noise, nobody can tell: not so.
+    """
+    if "protocol" not in predictions.dims or predictions.sizes["seed"] < 2:
+        return False
+    drawn = np.isin(predictions["protocol"].values.astype(str), NOISE_PROTOCOLS)
+    if drawn.all():
+        return False
+    first, *others = predictions["stress"].values[:, ~drawn]
+    return all(np.array_equal(first, other, equal_nan=True) for other in others)
 
 
 def assemble(

@@ -122,6 +122,18 @@ class Environment(_Record):
         )
 
 
+class Acceptance(_Record):
+    """What the board recorded when it accepted a row."""
+
+    digest: Sha256 = Field(
+        description="of the row and of the files that its scores rest on; checked when the site is "
+        "built"
+    )
+    word: Line | None = Field(
+        default=None, description="why a maintainer accepted what the checks had flagged"
+    )
+
+
 class About(_Record):
     """What a submitter says of a model."""
 
@@ -167,6 +179,10 @@ class Submission(About):
     task: Line
     dataset: DatasetReference
     seeds: tuple[Seed, ...] = Field(min_length=1, max_length=MOST_SEEDS)
+    deterministic: bool | None = Field(
+        default=None,
+        description="true: one and the same model under every seed, which only draws the noise",
+    )
     environment: Environment
     predictions: PredictionsReference | None = Field(
         default=None, description="or else `model`; one of the two is the evidence for the scores"
@@ -179,6 +195,7 @@ class Submission(About):
     normalisation: Scales
     scores: tuple[Score, ...] = Field(min_length=1, max_length=MOST_SCORES)
     curves: tuple[Curve, ...] = Field(default=(), max_length=MOST_SCORES)
+    acceptance: Acceptance | None = None
 
     @model_validator(mode="after")
     def _has_evidence(self) -> "Submission":
