@@ -121,7 +121,7 @@ def _scored(file: Path, dataset: xr.Dataset, about: About) -> Submission:
     role = "ceiling" if card.perfect else about.role
     return Submission(
         **about.model_dump()
-        | {"role": role, "deterministic": is_deterministic(stored) or about.deterministic},
+        | {"role": role, "deterministic": is_deterministic(stored) or None},
         metric_version=card.metric_version,
         task=name,
         dataset=DatasetReference(
