@@ -147,13 +147,17 @@ def work(seeds: Path) -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     os.dup2(1, 2)
     _prepare()
-    from kinds import KINDS
+    from kinds import KINDS, described
 
     for line in sys.stdin:
         kind, case, folder = json.loads(line)
-        if not (seeds / kind).exists():
-            KINDS[kind].seeds(seeds / kind)
-        answers.write(json.dumps(try_case(kind, case, seeds / kind, Path(folder))) + "\n")
+        try:
+            if not (seeds / kind).exists():
+                KINDS[kind].seeds(seeds / kind)
+            outcome = try_case(kind, case, seeds / kind, Path(folder))
+        except Exception as error:  # of the fuzzer itself: a valid file cannot be made
+            outcome = {"outcome": "failed", **described(error)}
+        answers.write(json.dumps(outcome) + "\n")
         answers.flush()
 
 
