@@ -1,7 +1,8 @@
-# make setup demo test slow bench lint docs wheels revalidate revalidate-changed: everything that
-# is done with this checkout.
+# make setup demo test slow fuzz bench lint docs wheels revalidate revalidate-changed: everything
+# that is done with this checkout.
 # Variables: PYTHON (3.11 or newer), VENV (where it is installed), OUT (where the demo writes),
 # CORE (where `make core` works). OUT and CORE may hold any character but a line break.
+# FUZZ_SECONDS and FUZZ_SEED say how long files are changed at random, and from which seed.
 
 PYTHON ?= python3
 VENV ?= .venv
@@ -10,7 +11,7 @@ CORE ?= campaigns/core
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
-.PHONY: setup engine browser demo test slow bench lint docs wheels core clean
+.PHONY: setup engine browser demo test slow fuzz bench lint docs wheels core clean
 .PHONY: revalidate revalidate-changed
 
 # The shell reads them from its environment and make does not expand them, so that $ and spaces
@@ -54,6 +55,12 @@ test: setup browser
 
 slow: setup browser
 	$(BIN)/python -m pytest -m slow
+
+# Files of every kind that is read, changed at random; a minute of it stands in `make test`.
+FUZZ_SECONDS ?= 3600
+FUZZ_SEED ?= 0
+fuzz: setup
+	$(BIN)/python tests/fuzz/run.py --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED)
 
 bench: setup
 	@for script in benchmarks/*.py; do $(BIN)/python $$script; done

@@ -24,6 +24,7 @@ from granbench.boundary_values import SOLVERS
 from granbench.bounded_reading import read_bounded
 from granbench.checks import STRESS_CHECKS
 from granbench.errors import ConfigurationError, SubmissionError
+from granbench.json_reading import parse_json_object
 from granbench.netcdf_reading import open_netcdf
 from granbench.rounding import keep_mantissa
 from granbench.whole_file import whole_file
@@ -307,6 +308,10 @@ def _check_variables(predictions: xr.Dataset, path: Path) -> None:
             raise SubmissionError(
                 f"{path}: attribute {name!r} is neither text nor a number; {remedy}"
             )
+    for name in (PHYSICS_OBSTACLES, EMBEDDED_FAILURES):
+        if name in predictions.attrs:
+            text = str(predictions.attrs[name])
+            parse_json_object(text, f"{path}: attribute {name!r}", SubmissionError, remedy=remedy)
     required = {*_labelled(predictions), *PATH_COORDINATES}
     if predicts:
         required.add("first_predicted_step")

@@ -139,7 +139,7 @@ def _print_summary(summary: dict[str, Any]) -> None:
     if "strain_paths" in summary:
         show(_strain_path_table(summary["strain_paths"]))
     for sentence in (_leak_sentence(summary["leaks"]), *_scatter_sentences(summary)):
-        typer.echo(sentence)
+        say(sentence)
 
 
 def _printable_values(value: Any) -> Any:

@@ -195,3 +195,31 @@ def test_random_paths_are_described_verified_and_drawn(granbench, tmp_path):
     code, out, _ = granbench("data", "plot", "gp-j2-mini", "--out", picture)
     assert (code, out.strip()) == (0, str(picture))
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_text_of_a_file_gives_no_orders_to_the_terminal(granbench, records, tmp_path):
+    records.attrs |= {"licence": "MIT \x1b[2J", "generator": "\x1b]0;owned\x07", "engine": "a\rb"}
+    records["path_id"].values[0] = "p\x9b31m"
+    file = write_records(records, tmp_path / "a.nc")
+    for words in (("info",), ("info", "--json"), ("info", "--paths"), ("verify",)):
+        code, out, err = granbench("data", words[0], file, *words[1:])
+        assert code == 0
+        assert not set(out + err) & set("\x1b\x07\r\x9b")
+    summary = json.loads(granbench("data", "info", file, "--json")[1])
+    assert summary["licence"] == "MIT \x1b[2J"
+    result = granbench("data", "info", tmp_path / "a\x1b.nc")
+    assert_one_sentence(result)
+    assert "\x1b" not in result[2]
+
+
+def test_a_dataset_that_declares_terabytes_is_refused_by_every_command(granbench, records_file):
+    with netCDF4.Dataset(records_file, "a") as file:
+        file.createDimension("wide", 10**6)
+        file.createVariable("extra", "f4", ("wide", "wide"))
+    for command in ("verify", "info", "plot"):
+        assert_one_sentence(granbench("data", command, records_file), "synthetic.nc", "declares")
+
+
+def test_verify_says_what_it_cannot_vouch_for(granbench, shelf, records_file):
+    out = granbench("data", "verify", records_file)[1]
+    assert "not registered" in out and "ground truth" in out

@@ -10,7 +10,7 @@ from granbench.data.splits import leak_report, split_hash, split_names
 from granbench.data.store import load
 from granbench.data.verification import verify_file
 from granbench.errors import DatasetError, RegistryError
-from granbench.records import open_records, write_records
+from granbench.records import attributes_hash, describe, open_records, write_records
 
 
 @pytest.mark.parametrize("entry", entries(), ids=lambda e: f"{e.id}-{e.version}")
@@ -136,3 +136,36 @@ def test_mini_has_every_family_and_split_and_two_replicates(records, records_fil
     with load("synthetic-mini") as ds:
         assert ds.sizes["path"] == mini.sizes["path"]
         assert ds.sizes["step"] == records.sizes["step"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"ground_truth": '{"model": "j2", "parameters": {"yield_stress": 3e5}}'},
+        {"licence": "proprietary"},
+        {"embedded_analyses": "[]"},
+        {"generator": "by hand"},
+        {"thesis_section": "9.9"},
+        {"note": "added"},
+    ],
+)
+def test_a_file_that_says_other_things_of_itself_is_found(shelf, records, tmp_path, change):
+    """Its values, configuration and their hashes are those of the registered file."""
+    shelf.publish(records)
+    forged = write_records(records.assign_attrs(version="1.0.0", **change), tmp_path / "forged.nc")
+    with pytest.raises(DatasetError, match="attributes_sha256 .* is not the registered"):
+        verify_file(forged)
+
+
+def test_units_and_names_of_variables_are_covered(records):
+    before = attributes_hash(records)
+    records["void_ratio"].attrs["long_name"] = "porosity"
+    assert attributes_hash(records) != before
+
+
+def test_the_hash_of_the_attributes_outlives_file_and_release(records, records_file):
+    again = records.assign_attrs(dict(reversed(records.attrs.items())))
+    again.attrs |= {"title": "other words", "generator_version": "9.0.0", "engine_version": "9"}
+    with open_records(records_file) as ds:
+        assert attributes_hash(ds) == attributes_hash(describe(records))
+        assert attributes_hash(ds) == attributes_hash(describe(again))

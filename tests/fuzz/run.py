@@ -147,13 +147,17 @@ def work(seeds: Path) -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     os.dup2(1, 2)
     _prepare()
-    from kinds import KINDS
+    from kinds import KINDS, described
 
     for line in sys.stdin:
         kind, case, folder = json.loads(line)
-        if not (seeds / kind).exists():
-            KINDS[kind].seeds(seeds / kind)
-        answers.write(json.dumps(try_case(kind, case, seeds / kind, Path(folder))) + "\n")
+        try:
+            if not (seeds / kind).exists():
+                KINDS[kind].seeds(seeds / kind)
+            outcome = try_case(kind, case, seeds / kind, Path(folder))
+        except Exception as error:  # of the fuzzer itself: a valid file cannot be made
+            outcome = {"outcome": "failed", **described(error)}
+        answers.write(json.dumps(outcome) + "\n")
         answers.flush()
 
 
@@ -166,6 +170,7 @@ def try_case(kind: str, case: str, seeds: Path, folder: Path) -> dict[str, Any]:
     make_case(kind, seeds, case, folder)
     signal.setitimer(signal.ITIMER_PROF, LONGEST)
     try:
+        _injected_fault()
         KINDS[kind].read(folder)
         outcome: dict[str, Any] = {"outcome": "accepted"}
     except GranbenchError as error:
@@ -175,6 +180,21 @@ def try_case(kind: str, case: str, seeds: Path, folder: Path) -> dict[str, Any]:
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
     return outcome
+
+
+def _injected_fault() -> None:
+    """The failure that a test of the fuzzer itself asks for."""
+    fault = os.environ.get("GRANBENCH_FUZZ_FAULT")
+    if fault == "raises":
+        raise KeyError("no such column")
+    if fault == "allocates":
+        bytearray(2 * MOST_MEMORY)
+    if fault == "ends":
+        os.kill(os.getpid(), signal.SIGSEGV)
+    if fault == "waits":
+        signal.setitimer(signal.ITIMER_PROF, 0.2)
+        while True:
+            pass
 
 
 def _prepare() -> None:
