@@ -54,7 +54,7 @@ class GruConfiguration:
     output: Literal["absolute", "change"] = "absolute"
 
     def __post_init__(self) -> None:
-        if self.order not in COMPONENT_ORDERS:
+        if not isinstance(self.order, str) or self.order not in COMPONENT_ORDERS:
             raise ModelError(
                 f"unknown component order {self.order!r}; use {', '.join(COMPONENT_ORDERS)}"
             )

@@ -64,6 +64,8 @@ class RecurrentConfiguration:
         for name, width in widths.items():
             if isinstance(width, bool) or not isinstance(width, int) or width < 1:
                 raise ModelError(f"{name} is {width!r}; it must be an integer of at least 1")
+        if not isinstance(self.initial_layer, bool):
+            raise ModelError(f"initial_layer is {self.initial_layer!r}; it must be true or false")
         if self.output not in OUTPUTS:
             raise ModelError(f"unknown output {self.output!r}; use {', '.join(OUTPUTS)}")
         if not self.initial_layer and (self.output != "absolute" or self.restart_every):

@@ -89,8 +89,8 @@ def examine(
         *_incomplete(validated.submission),
         *_name_taken(validated.submission, folder, rows, replace),
         *_of_truth(validated, errors),
-        *_of_seeds(validated, errors),
         *_of_rows(validated, errors, folder, rows),
+        *_of_seeds(validated, errors),
     ]
     found = {"deterministic": _deterministic(validated)}
     stored = validated.submission.model_copy(update=found)
@@ -188,6 +188,11 @@ def _of_rows(
             yield Objection(
                 f"its {what} of {other.name!r}, which is on the board already; submit a model once"
             )
+        elif (submission.role, other.role) == ("ceiling", "ceiling"):
+            if _same_task(submission, other):
+                yield Objection(
+                    f"the board of {submission.task} has its ceiling, {other.name!r}", flagged=True
+                )
         elif not _exempt(submission) and _copied(validated, errors, row):
             yield Objection(
                 f"its predictions are those of {other.name!r}, which is on the board already, or "

@@ -18,6 +18,8 @@ from granbench.leaderboard.sealing import sealed
 from granbench.leaderboard.submission import Submission, write_submission
 from granbench.whole_file import cannot_write
 
+LONGEST_WORD = 400
+
 __all__ = [
     "MINIMUM_SEEDS",
     "Row",
@@ -61,6 +63,8 @@ def accept(
         If it is not valid, was not evaluated on every axis or for three seeds, is a copy or on the
         board already, or the folder cannot be written to.
     """
+    if word is not None and not 1 <= len(word.strip()) <= LONGEST_WORD:
+        raise SubmissionError(f"word must be a sentence of 1 to {LONGEST_WORD} characters")
     examination = examine(file, folder, dataset, replace=replace, progress=progress)
     refuse_objections(file, examination, word)
     submission = examination.submission

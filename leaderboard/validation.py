@@ -155,15 +155,15 @@ def _checked_predictions(submission: Submission, path: Path) -> xr.Dataset:
             f"{path}: the predictions file {submission.predictions.file} is missing; put it "
             "into the same folder"
         )
-    if file_digest(file) != submission.predictions.sha256:
-        raise SubmissionError(
-            f"{path}: predictions.sha256 is not the digest of {file.name}; submit the "
-            "predictions that the scores were made from"
-        )
     if file.stat().st_size != submission.predictions.bytes:
         raise SubmissionError(
             f"{path}: predictions.bytes is {submission.predictions.bytes}, but {file.name} has "
             f"{file.stat().st_size} bytes; run `granbench evaluate` again"
+        )
+    if file_digest(file) != submission.predictions.sha256:
+        raise SubmissionError(
+            f"{path}: predictions.sha256 is not the digest of {file.name}; submit the "
+            "predictions that the scores were made from"
         )
     predictions = open_predictions(file)
     seeds = [int(seed) for seed in predictions["seed"].values]

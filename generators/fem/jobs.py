@@ -61,7 +61,10 @@ def run_analysis(
     plan = AnalysisPlan.model_validate(configuration["plan"])
     cell = recording_cell(configuration["model"], configuration["parameters"])
     problem = posed(plan)
-    settings = replace(settings_for(problem, EXPLICIT), outputs=configuration["steps"])
+    # All paths of a dataset have the same number of steps, wherever a loading turns.
+    settings = replace(
+        settings_for(problem, EXPLICIT), outputs=configuration["steps"], turning_points=False
+    )
     # Threads that wait for each other cost more than they do, at some hundred points.
     torch.set_num_threads(1)
     histories = run(problem, cell, solver=settings, mesh=plan.mesh).check()

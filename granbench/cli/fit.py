@@ -16,6 +16,7 @@ from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import print_json, say, show
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError
+from granbench.printable import printable
 from granbench.whole_file import whole_folder
 
 if TYPE_CHECKING:
@@ -387,7 +388,8 @@ def _tables(report: dict[str, Any]) -> Iterator[Table]:
         parts = [row["by_quantity"].get(name) for name in quantities]
         shown_parts = ["–" if part is None else f"{100.0 * part:.3g}" for part in parts]
         role = "" if row["role"] == "fitted" else row["role"]
-        table.add_row(row["test"], role, f"{100.0 * row['error']:.3g}", *shown_parts)
+        error = f"{100.0 * row['error']:.3g}"
+        table.add_row(printable(row["test"]), role, error, *shown_parts)
     yield table
 
 

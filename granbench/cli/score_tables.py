@@ -49,7 +49,7 @@ def tables(submission: "Submission", others: Sequence["Submission"]) -> Iterator
         where = f"{submission.name} on {submission.task}, split {split}"
         protocols = [name for name in PROTOCOLS if (name, "stress_mse_mean") in found]
         if protocols:
-            yield _errors(found, protocols, where, submission.seeds)
+            yield _errors(found, protocols, where, _seeds(submission))
             yield from _beside(submission, others, found, protocols, split)
         if any(score.axis == PHYSICS for score in found.values()):
             yield _physics(found, where)
@@ -60,9 +60,14 @@ def tables(submission: "Submission", others: Sequence["Submission"]) -> Iterator
         yield _costs(costs, submission.name)
 
 
-def _errors(found: Found, protocols: list[str], where: str, seeds: Sequence[int]) -> Table:
+def _seeds(submission: "Submission") -> str:
+    labels = ", ".join(map(str, submission.seeds))
+    return f"one model, noise seeds {labels}" if submission.deterministic else f"seeds {labels}"
+
+
+def _errors(found: Found, protocols: list[str], where: str, seeds: str) -> Table:
     paths = found[protocols[0], "stress_mse_mean"].n
-    table = _plain_table(f"{where}: {paths} paths, seeds {', '.join(map(str, seeds))}")
+    table = _plain_table(f"{where}: {paths} paths, {seeds}")
     rows: dict[str, list[Score | None]] = {}
     for name in protocols:
         rows[name] = [found[name, metric] for metric in SHOWN]

@@ -89,8 +89,8 @@ class PlaneMesh:
         lost = ~np.isfinite(self.geometry.p).all(axis=0)
         if lost.any():
             raise ConfigurationError(
-                f"node {int(lost.argmax())} of the mesh has a coordinate that is not finite; correct "
-                "it"
+                f"node {int(lost.argmax())} of the mesh has a coordinate that is not finite; "
+                "correct it"
             )
         self._refuse_inverted()
 
@@ -178,7 +178,8 @@ class PlaneMesh:
             )
         if len(facets) == 0:
             raise ConfigurationError(
-                f"boundary {boundary!r} has no edges in this mesh; refine it or correct the definition"
+                f"boundary {boundary!r} has no edges in this mesh; refine the mesh or correct the "
+                "boundary"
             )
         return np.asarray(facets)
 

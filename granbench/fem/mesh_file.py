@@ -57,7 +57,7 @@ def read_mesh(file: Path | str, element: str | None = None) -> PlaneMesh:
     _require_file(path)
     if element is not None and element not in ELEMENTS:
         raise ConfigurationError(f"unknown element {element!r}; there are {', '.join(ELEMENTS)}")
-    cells = read_bounded(f"mesh {path}", ConfigurationError, read_plane_cells, str(path))
+    cells = read_bounded(path, ConfigurationError, read_plane_cells, str(path))
     try:
         return _built(cells, element or DEFAULT_ELEMENTS[cells.corners.shape[1]])
     except ConfigurationError as error:

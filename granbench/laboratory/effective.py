@@ -15,8 +15,8 @@ from granbench.errors import DatasetError
 from granbench.laboratory.measured import Measured
 from granbench.laboratory.quantities import QUANTITIES
 from granbench.laboratory.settings import ImportSettings
-from granbench.laboratory.tables import Table
 from granbench.laboratory.water import AGREEMENT, READING, Water, agree, pore_pressure
+from granbench.paths.tables import Table
 
 Floats = NDArray[np.float64]
 

@@ -16,14 +16,14 @@ from granbench.laboratory.quantities import (
     stress_of,
 )
 from granbench.laboratory.settings import ImportSettings
-from granbench.laboratory.tables import Column, Table
-from granbench.laboratory.units import (
+from granbench.paths.tables import Column, Table
+from granbench.plausible import LARGEST_STRAIN, LARGEST_STRESS, VOID_RATIOS
+from granbench.units import (
     is_stress_unit,
     known_units,
     split_strange_unit,
     unit_factor,
 )
-from granbench.plausible import LARGEST_STRAIN, LARGEST_STRESS, VOID_RATIOS
 
 Floats = NDArray[np.float64]
 

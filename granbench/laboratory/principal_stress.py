@@ -8,8 +8,8 @@ from granbench.laboratory.effective import KnownStresses, Series
 from granbench.laboratory.laboratory_test import CONSTANT_STRESS, LATERAL_STRAIN_GIVEN
 from granbench.laboratory.quantities import QUANTITIES, listed
 from granbench.laboratory.settings import ImportSettings
-from granbench.laboratory.tables import Table
 from granbench.laboratory.water import READING, agree
+from granbench.paths.tables import Table
 
 Floats = NDArray[np.float64]
 

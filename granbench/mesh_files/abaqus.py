@@ -72,8 +72,7 @@ def _keywords(lines: list[str]) -> list[tuple[_Keyword, Rows]]:
     continued = False
     for number, line in kept:
         if continued:
-            keyword, rows = found[-1]
-            keyword.parameters.update(_parameters(line))
+            found[-1][0].parameters.update(_parameters(line))
             continued = line.endswith(",")
         elif line.startswith("*"):
             name, _, rest = line[1:].partition(",")

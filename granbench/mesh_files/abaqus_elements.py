@@ -1,4 +1,4 @@
-"""Abaqus' element types by their names: which belong to a plane body, and how many nodes they have."""
+"""Abaqus' element types by name: which belong to a plane body, and their number of nodes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from granbench.errors import ConfigurationError
 
 PLANE = re.compile(r"^(?:CPEG|CPE|CPS|M3D|SFM3D|STRI|R3D|S)(65|[34689])[A-Z]*5?$")
-"""Plane strain and plane stress; flat membranes, shells and rigid faces, as other programs write."""
+"""Plane strain and stress; flat membranes, shells and rigid faces, as other programs write."""
 LINE = re.compile(r"^(?:(?:T2D|T3D|RB2D|R2D)([23])|B[23]([123]))[A-Z]*$")
 """Trusses, rigid lines and beams."""
 NODES_OF_BEAM = {"1": 2, "2": 3, "3": 2}

@@ -22,6 +22,8 @@ SAME_PLACE = 1e-8
 """Distance of two nodes, over the mesh's extent, below which they are one."""
 FLAT = 1e-6
 """Distance from one plane, over the mesh's extent, that is rounding of the file."""
+FARTHEST = 1e6
+"""Coordinate, m, beyond which rounding spoils what a mesh of some metres says."""
 STRAIGHT = 1e-6
 """Distance of an edge's node from its middle, over the edge's length, that is rounding."""
 
@@ -129,7 +131,8 @@ class _Merged:
     Parameters
     ----------
     nodes : (node, direction), m
-    renamed : from places in the file's nodes to places in these; -1 for a node of no element
+    renamed : from places in the file's nodes to places in these; -1 for one that is away from all
+        elements
     """
 
     nodes: np.ndarray
@@ -143,6 +146,10 @@ def _plane_nodes(nodes: np.ndarray, used: np.ndarray, notes: list[str]) -> _Merg
         raise ConfigurationError(
             f"node {lost} (counted from 0) has a coordinate that is not finite; correct it"
         )
+    if np.abs(places).max() > FARTHEST:
+        raise ConfigurationError(
+            f"has a node at {np.abs(places).max():.3g} m; give coordinates in m, near the origin"
+        )
     extent = float(np.ptp(places, axis=0).max()) or 1.0
     if places.shape[1] == 3 and np.ptp(places[:, 2]) > FLAT * extent:
         low, high = places[:, 2].min(), places[:, 2].max()
@@ -153,7 +160,8 @@ def _plane_nodes(nodes: np.ndarray, used: np.ndarray, notes: list[str]) -> _Merg
             f"its z goes from {low:g} to {high:g}: {where}; draw it in x (to the right) and y (up)"
         )
     flat_places = places[:, :2].astype(float)
-    pairs = cKDTree(flat_places).query_pairs(SAME_PLACE * extent, output_type="ndarray")
+    tree = cKDTree(flat_places)
+    pairs = tree.query_pairs(SAME_PLACE * extent, output_type="ndarray")
     count = len(used)
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     groups, labels = connected_components(graph, directed=False)
@@ -165,6 +173,11 @@ def _plane_nodes(nodes: np.ndarray, used: np.ndarray, notes: list[str]) -> _Merg
         )
     renamed = np.full(len(nodes), -1)
     renamed[used] = labels
+    # Lines may have nodes of their own along the elements' edges.
+    others = np.flatnonzero((renamed < 0) & (np.abs(nodes) < FARTHEST).all(axis=1))
+    away, nearest = tree.query(nodes[others, :2])
+    beside = away <= SAME_PLACE * extent
+    renamed[others[beside]] = labels[nearest[beside]]
     return _Merged(flat_places[first], renamed)
 
 

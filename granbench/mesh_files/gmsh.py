@@ -317,8 +317,8 @@ def _nodes_of(kind: int) -> int:
     if kind in SOLID:
         raise ConfigurationError("has three-dimensional elements; mesh the plane section alone")
     raise ConfigurationError(
-        f"has elements of third or higher order (Gmsh's type {kind}), which are not read; mesh with "
-        "Mesh.ElementOrder = 1 or 2"
+        f"has elements of third or higher order (Gmsh's type {kind}), which are not read; mesh "
+        "with Mesh.ElementOrder = 1 or 2"
     )
 
 

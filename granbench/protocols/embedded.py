@@ -29,8 +29,8 @@ from granbench.fem.analysis import settings_for
 from granbench.fem.cell_failure import CellFailure
 from granbench.models.classical import ClassicalCell
 from granbench.models.ground_truth import ground_truth_cell
+from granbench.protocols.metered_cell import MeteredCell
 from granbench.protocols.posed import posed, start_of
-from granbench.protocols.watched import WatchedCell
 from granbench.tensors import COMPONENT_ORDERS
 
 ORDER = "plane"
@@ -150,14 +150,18 @@ def _analysed(
     problem = posed(analysis)
     settings = settings_for(problem, solver)
     if isinstance(settings, ExplicitSettings):
-        settings = replace(settings, outputs=analysis.outputs, modulus=analysis.modulus)
+        # The stated number of outputs, so that all analyses of a dataset have one shape.
+        settings = replace(
+            settings, outputs=analysis.outputs, modulus=analysis.modulus, turning_points=False
+        )
     else:
         settings = replace(settings, steps=analysis.outputs, cuts=CUTS)
     limit = UPDATES * analysis.outputs if isinstance(settings, ImplicitSettings) else None
-    watched = WatchedCell(cell, limit)
+    metered = MeteredCell(cell, limit)
     start = start_of(truth, analysis.confinement)
     begin = time.process_time()
-    result = run(problem, watched, solver=settings, mesh=analysis.mesh, scalars=start)
+    # `predict` has checked the cell, which must not count as calls or time of the analysis.
+    result = run(problem, metered, solver=settings, mesh=analysis.mesh, scalars=start, check=False)
     seconds = time.process_time() - begin
     if isinstance(result.failure, KeyboardInterrupt):
         raise result.failure
@@ -178,7 +182,7 @@ def _analysed(
         kept["stress"][:reached] = found["stress"].values[:, chosen]
     return kept.assign(
         seconds=seconds,
-        cell_seconds=watched.seconds,
+        cell_seconds=metered.seconds,
         failure="" if result.failure is None else str(result.failure),
     )
 
@@ -201,7 +205,10 @@ def _warm_up(cell: MaterialCell, analysis: EmbeddedAnalysis, truth: ClassicalCel
     start = start_of(truth, analysis.confinement)
     explicit = replace(problem.explicit(), outputs=1, modulus=analysis.modulus)
     for settings in (explicit, replace(problem.implicit(), steps=1, cuts=0)):
-        run(problem, WatchedCell(cell), solver=settings, mesh=analysis.mesh, scalars=start)
+        run(
+            problem, MeteredCell(cell), solver=settings, mesh=analysis.mesh, scalars=start,
+            check=False,
+        )  # fmt: skip
 
 
 @contextmanager

@@ -102,7 +102,9 @@ COPIES: dict[str, Change] = {
     "one value changed": one_value_off,
     "seeds exchanged": lambda p: p.isel(seed=[2, 0, 1]).assign_coords(seed=[0, 1, 2]),
     "other seeds": lambda p: p.assign_coords(seed=[7, 8, 9]),
-    "paths in another order": lambda p: p.isel(path=slice(None, None, -1)),
+    "paths in another order": lambda p: p.isel(
+        path=slice(None, None, -1), checked_path=slice(None, None, -1)
+    ),
     "noise of 0.01 %": with_noise(1e-4),
 }
 

@@ -50,8 +50,8 @@ def with_boundaries_of(mesh: PlaneMesh, own: PlaneMesh) -> PlaneMesh:
         return mesh
     listed = ", ".join(mesh.boundary_names[:4])
     note = (
-        f"names no boundary of the problem{f', but {listed}' if listed else ''}; {', '.join(wanted)}"
-        " are taken by their place"
+        f"it names no boundary of the problem{f', but {listed}' if listed else ''}; "
+        f"{', '.join(wanted)} are found by their place"
     )
     geometry = mesh.geometry.with_boundaries(facets)
     return replace(mesh, geometry=geometry, notes=(*mesh.notes, note))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import abc
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import ClassVar, Self
@@ -19,6 +18,7 @@ from granbench.fem.mesh_file import is_mesh_file, read_mesh
 from granbench.fem.problems.body import require_body, with_boundaries_of
 from granbench.fem.time_step import ExplicitSettings
 from granbench.paths.confining_pressure import RandomConfinement
+from granbench.plausible import LARGEST_STRESS, SMALLEST_STRESS
 
 CYCLES: Mapping[str, tuple[float, ...]] = {
     "monotonic": (),
@@ -28,6 +28,12 @@ CYCLES: Mapping[str, tuple[float, ...]] = {
 }
 """Where each loading turns - unloading, reloading, and so on - as shares of the final strain. With
 the 10 % of the thesis they are its turning points (Sec 6.4)."""
+
+LARGEST_DRIVE = 0.5
+"""Driving strain; small-strain theory has lost its meaning long before."""
+
+FASTEST = 10.0
+"""m/s; a hundred times the thesis' speed, at which inertia alone is analysed."""
 
 CONFINEMENT = 1e5
 """Pa; the thesis' confinement of the models that are defined under compression only."""
@@ -88,17 +94,39 @@ class Problem(abc.ABC):
                     f"{self.name}: {name} cannot be {getattr(self, name)!r}; choose "
                     f"{' or '.join(known)}"
                 )
-        for name, largest in (("end_strain", 1.0), ("speed", math.inf)):
-            value = getattr(self, name)
-            if not (0.0 < value < largest):
+        if not 0.0 < self.end_strain <= LARGEST_DRIVE:
+            share = f"; {0.01 * self.end_strain:g} is {self.end_strain:g} %"
+            raise ConfigurationError(
+                f"{self.name}: end_strain is {self.end_strain:g}; give one above 0 and up to "
+                f"{LARGEST_DRIVE:g}, beyond which no strain is small"
+                + (share if LARGEST_DRIVE < self.end_strain <= 100.0 * LARGEST_DRIVE else "")
+            )
+        if not 0.0 < self.speed <= FASTEST:
+            raise ConfigurationError(
+                f"{self.name}: speed is {self.speed:g} m/s; give one above 0 and up to "
+                f"{FASTEST:g}, in m/s (100 mm/s is 0.1)"
+            )
+        if self.load_path is not None:
+            farthest = max(map(abs, self.load_path.values))
+            if not farthest <= LARGEST_DRIVE * self.drive_length:
                 raise ConfigurationError(
-                    f"{self.name}: {name} is {value:g}; give one above 0"
-                    + (f" and below {largest:g}" if largest < math.inf else ", in m/s")
+                    f"{self.name}: the load path goes as far as {farthest:g} m, which over the "
+                    f"{self.length} of {self.drive_length:g} m is more than {LARGEST_DRIVE:g}; "
+                    "give displacements in m"
+                )
+        if self.load_path is not None:
+            most = max(map(abs, self.load_path.values))
+            if most >= self.drive_length:
+                raise ConfigurationError(
+                    f"{self.name}: the load path reaches a displacement of {most:g} m, but the "
+                    f"{self.length} is {self.drive_length:g} m: is it in millimetres? State the "
+                    "unit in the file's header, as displacement [mm]"
                 )
         given = 0.0 if isinstance(self.confinement, RandomConfinement) else self.confinement
-        if given is not None and not 0.0 <= given < math.inf:
+        if given and not SMALLEST_STRESS <= given <= LARGEST_STRESS:
             raise ConfigurationError(
-                f"{self.name}: a confinement of {given:g} Pa is no pressure; give 0 or more"
+                f"{self.name}: confinement is {given:g} Pa; give a pressure in Pa, 0 for none, or "
+                f"from {SMALLEST_STRESS:g} to {LARGEST_STRESS:g}: 1e5 is 100 kPa"
             )
 
     @property
