@@ -59,4 +59,8 @@ def _lines(batch: TestBatch, first_void_ratio: float) -> Mapping[str, float]:
     p = stress[top] * (1.0 + 2.0 * k0) / 3.0 / 1e3
     size = np.log(YIELD_OVER_MEAN)
     intercept = float(void_ratio[top] + steepest * (np.log(p) + size) - kappa * size)
+    # No start is looser than the line allows.
+    first = stress[0] * (1.0 + 2.0 * k0) / 3.0 / 1e3
+    loosest = first_void_ratio + steepest * (np.log(first) + size) - kappa * size
+    intercept = max(intercept, float(loosest) + 0.1 * steepest)
     return {LAMBDA: steepest, KAPPA: kappa, **dict.fromkeys(INTERCEPTS, intercept)}

@@ -1,4 +1,4 @@
-"""Fits that go wrong: what is lost costs most, what is not known is null, what fits nothing ends."""
+"""Fits that go wrong: what is lost costs most, what is not known is null, no fit is an error."""
 
 import json
 from pathlib import Path
@@ -108,7 +108,7 @@ def oedometer(truth: dict[str, float], loads: np.ndarray, void_ratio: float) -> 
 def test_lambda_and_kappa_are_recovered_from_an_oedometer_test_without_lateral_stress() -> None:
     truth = {"compression_slope": 0.09, "swelling_slope": 0.015, "compression_intercept": 1.5}
     loads = 1e3 * np.array([25.0, 50.0, 100.0, 200.0, 400.0, 100.0, 25.0])
-    test = oedometer(truth, loads, 1.05)
+    test = oedometer(truth, loads, 1.18)
     assert not test.is_complete
     cell = find_model("modified-cam-clay")(order="principal")
     effort = Effort(adam_iterations=0, iterations=6)
