@@ -4,6 +4,7 @@ How the modules stand on each other, from below:
 
     parameter_space     the free parameters of a cell as a vector, and back
     cell_of_each_point  a cell with other parameters at every point: many vectors in one batch
+    compression_lines   first values that an oedometer test shows
     observations        tests, thinned and grouped into batches: what drives, what is compared
     rollouts            what vectors predict for a batch, and its derivatives
     problem             residuals and Jacobian of all batches

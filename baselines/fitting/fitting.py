@@ -8,6 +8,7 @@ import torch
 import xarray as xr
 from torch import Tensor
 
+from granbench.baselines.fitting.compression_lines import compression_lines
 from granbench.baselines.fitting.curves import TestError, curves_of, errors_of
 from granbench.baselines.fitting.observations import CONTROLS, TestBatch, batches_of
 from granbench.baselines.fitting.optimisation import (
@@ -301,7 +302,8 @@ def possible_starts(problem: Problem, settings: FitSettings) -> Tensor:
     of some random ones that can. The others are scattered about it by the spread, but less along
     what moves the curves much: by no more than `CURVE_SPREAD` of their ranges, to first order. Of
     several drawn for each, those that fit best are taken: a search from parameters with which the
-    model cannot follow the tests is long and seldom arrives.
+    model cannot follow the tests is long and seldom arrives. Where an oedometer test shows the
+    compression lines, one start has those.
     """
     wanted, space = settings.starts, problem.space
     generator = torch.Generator().manual_seed(settings.seed)
@@ -313,8 +315,20 @@ def possible_starts(problem: Problem, settings: FitSettings) -> Tensor:
     shape = (CANDIDATES * wanted, space.size)
     drawn = first + torch.randn(shape, generator=generator, dtype=torch.float64) @ half.mT
     possible = drawn[problem.can_start(drawn)]
-    best = problem.costs(possible).argsort()[: wanted - 1] if wanted > 1 else slice(0)
-    return torch.cat([first[None], possible[best]])
+    guessed = _guessed(problem)
+    if wanted == 1:
+        known = torch.cat([first[None], guessed])
+        return known[problem.costs(known).argmin()][None]
+    best = problem.costs(possible).argsort()[: wanted - 1 - len(guessed)]
+    return torch.cat([first[None], guessed, possible[best]])
+
+
+def _guessed(problem: Problem) -> Tensor:
+    """The vectors (0 or 1, parameter) whose compression lines are read off an oedometer test."""
+    values = compression_lines(problem.batches, problem.space.names)
+    vectors = problem.space.vector(values)[None] if values else torch.zeros(0, problem.space.size)
+    vectors = vectors.double().clamp(-FARTHEST, FARTHEST)
+    return vectors[problem.can_start(vectors)] if len(vectors) else vectors
 
 
 def _first_start(problem: Problem, spread: float, generator: torch.Generator) -> Tensor:

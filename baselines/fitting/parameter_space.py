@@ -6,6 +6,7 @@ it is v = v0 + |v0| u, which would tie a search to the size of a small v0; so he
 v - v0 where |v0| is below one.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -83,6 +84,23 @@ class ParameterSpace:
                 for place, parameter in enumerate(self.parameters)
             }
 
+    def vector(self, values: Mapping[str, float]) -> Tensor:
+        """The vector (size,) of some values, and the cell's own for the other parameters."""
+        numbers = torch.zeros(self.size, dtype=torch.float64)
+        for place, parameter in enumerate(self.parameters):
+            if parameter.name not in values:
+                continue
+            value, start = values[parameter.name], self.cell.reference[parameter.name]
+            low, high = parameter.lower, parameter.upper
+            if low == -math.inf:
+                number = (value - start) / (abs(start) or 1.0)
+            elif high == math.inf:
+                number = math.log((value - low) / (start - low))
+            else:
+                number = _logit((value - low) / (high - low)) - _logit((start - low) / (high - low))
+            numbers[place] = number
+        return numbers / self.scale
+
     def per_point(self, vectors: Tensor, tests: int) -> dict[str, Tensor]:
         """Unconstrained parameters (point,) by name, for points vector by vector, then test."""
         columns = (vectors * self.scale).unbind(dim=1)
@@ -90,6 +108,10 @@ class ParameterSpace:
             name: column.repeat_interleave(tests)
             for name, column in zip(self.names, columns, strict=True)
         }
+
+
+def _logit(share: float) -> float:
+    return math.log(share / (1.0 - share))
 
 
 class _Holder(torch.nn.Module):

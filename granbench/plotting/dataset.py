@@ -28,12 +28,12 @@ from granbench.observations import (
 from granbench.plotting.style import (
     MARKERS,
     TRUTH,
-    every,
     figure_grid,
     house_style,
     ordered_colours,
 )
 from granbench.tensors import deviatoric_stress, mean_stress, pi_plane
+from granbench.turning_points import shown_rows
 
 DOTS_PER_CURVE = 60
 COMPARED_PRESSURE = 0.5e6
@@ -59,7 +59,6 @@ def dataset_figure(records: xr.Dataset, *, paths: Sequence[str] | None = None) -
         If a named path is not in the records.
     """
     chosen, title = _chosen(records, paths)
-    dots = every(chosen.sizes["step"], DOTS_PER_CURVE)
     by = next((n for n in ("initial_void_ratio", "initial_mean_stress") if n in chosen.coords), "")
     colours, scale = ordered_colours(
         chosen[by].values if by else np.arange(chosen.sizes["path"], dtype=float)
@@ -72,6 +71,7 @@ def dataset_figure(records: xr.Dataset, *, paths: Sequence[str] | None = None) -
         curves.append((axes[1], chosen["void_ratio"].values, VOID_RATIO))
     for axis, series, label in curves:
         for row, colour in enumerate(colours):
+            dots = shown_rows(strain[row], series[row], DOTS_PER_CURVE)
             axis.plot(strain[row], series[row], **TRUTH | {"color": colour}, markevery=dots)
         axis.set(xlabel=AXIAL_STRAIN, ylabel=label)
     if by:

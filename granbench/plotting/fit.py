@@ -4,11 +4,19 @@ from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from granbench.errors import ConfigurationError
-from granbench.plotting.style import TRUTH, every, figure_grid, house_style, model_styles
+from granbench.plotting.style import (
+    TRUTH,
+    ModelStyle,
+    figure_grid,
+    house_style,
+    model_styles,
+)
+from granbench.turning_points import shown_rows
 
 MOST_TESTS = 8
 """Tests that are drawn; of more, as many spread evenly over them."""
@@ -21,6 +29,9 @@ ROWS = {
 }
 """Drawn quantities: factor from SI, and axis label."""
 
+AXIAL = ("axial_stress", 1e-3)
+AXIAL_STRAIN = r"axial strain $\varepsilon_{11}$ [%]"
+
 
 @house_style
 def fit_figure(curves: Mapping[str, xr.Dataset]) -> Figure:
@@ -29,7 +40,8 @@ def fit_figure(curves: Mapping[str, xr.Dataset]) -> Figure:
     Parameters
     ----------
     curves : of each model by name, over `test` and `step`: `axial_strain`, and `measured_` and
-        `predicted_` of the quantities in `ROWS`, SI, compression positive; coordinate `role`, of
+        `predicted_` of the quantities in `ROWS`, SI, compression positive, or of `axial_stress`
+        where q was not measured; `predicted_axial_strain` where it differs; coordinate `role`, of
         which `left out` is said in the title. The models have the same tests.
 
     Raises
@@ -50,29 +62,45 @@ def fit_figure(curves: Mapping[str, xr.Dataset]) -> Figure:
     figure, axes = figure_grid(len(ROWS), len(shown), panel=(2.7, 2.2), share_x=True)
     styles = model_styles(curves)
     for column, test in enumerate(shown):
-        for row, (quantity, (factor, label)) in enumerate(ROWS.items()):
-            axis = axes[row * len(shown) + column]
-            measured = first.isel(test=test)
-            dots = every(int(np.isfinite(measured["axial_strain"].values).sum()), DOTS_PER_CURVE)
-            axis.plot(
-                100.0 * measured["axial_strain"].values,
-                factor * measured[f"measured_{quantity}"].values,
-                **TRUTH,
-                markevery=dots,
-            )
-            for model, dataset in curves.items():
-                predicted = dataset.isel(test=test)
-                axis.plot(
-                    100.0 * predicted["axial_strain"].values,
-                    factor * predicted[f"predicted_{quantity}"].values,
-                    **styles[model].line(),
-                )
-            if column == 0:
-                axis.set_ylabel(label)
+        measured = first.isel(test=test)
+        predicted = {model: dataset.isel(test=test) for model, dataset in curves.items()}
+        panels = axes[column :: len(shown)]
+        if np.isfinite(measured["measured_deviatoric_stress"].values).any():
+            for axis, (quantity, (factor, label)) in zip(panels, ROWS.items(), strict=True):
+                _draw(axis, measured, predicted, quantity, factor, styles)
+                if column == 0:
+                    axis.set_ylabel(label)
+        else:
+            # An oedometer test without lateral stress: neither q is known nor more than one strain.
+            _draw(panels[0], measured, predicted, *AXIAL, styles)
+            panels[0].set_ylabel(r"axial stress $\sigma_{11}$ [kPa]")
+            panels[1].set_visible(False)
+            panels[0].tick_params(labelbottom=True)
+            panels[0].set_xlabel(AXIAL_STRAIN)
         out = str(first["role"].values[test]) == "left out"
-        axes[column].set_title(f"{names[test]}\n(left out)" if out else names[test])
-        axes[len(shown) + column].set_xlabel(r"axial strain $\varepsilon_{11}$ [%]")
+        panels[0].set_title(f"{names[test]}\n(left out)" if out else names[test])
+        panels[1].set_xlabel(AXIAL_STRAIN)
     handles = [Line2D([], [], label="measured", **TRUTH)]
     handles += [Line2D([], [], label=model, **styles[model].line()) for model in curves]
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     return figure
+
+
+def _draw(
+    axis: Axes,
+    measured: xr.Dataset,
+    predicted: Mapping[str, xr.Dataset],
+    quantity: str,
+    factor: float,
+    styles: Mapping[str, ModelStyle],
+) -> None:
+    """One quantity of a test against the axial strain: dots as measured, a line for each model."""
+    strain = 100.0 * measured["axial_strain"].values
+    values = factor * measured[f"measured_{quantity}"].values
+    axis.plot(strain, values, **TRUTH, markevery=shown_rows(strain, values, DOTS_PER_CURVE))
+    for model, dataset in predicted.items():
+        axis.plot(
+            100.0 * dataset.get("predicted_axial_strain", dataset["axial_strain"]).values,
+            factor * dataset[f"predicted_{quantity}"].values,
+            **styles[model].line(),
+        )

@@ -16,7 +16,6 @@ from granbench.plotting.style import (
     MARKERS,
     MODEL_COLOURS,
     TRUTH,
-    every,
     figure_grid,
     house_style,
 )
@@ -27,6 +26,7 @@ from granbench.tensors import (
     frobenius_norm,
     mean_stress,
 )
+from granbench.turning_points import shown_rows
 
 DOTS_PER_CURVE = 200
 DOTS_PER_CLOUD = 3000
@@ -54,7 +54,6 @@ def strain_path_figure(records: xr.Dataset, *, paths: Sequence[str] | None = Non
     count = chosen.sizes["path"]
     figure, axes = figure_grid(2, count, panel=(2.5, 2.3), share_x=True)
     step = np.arange(chosen.sizes["step"])
-    dots = every(len(step), DOTS_PER_CURVE)
     labels = [str(label) for label in chosen["component"].values]
     rows = (
         (axes[:count], "strain", 100.0, r"\varepsilon", "strain [%]"),
@@ -68,7 +67,7 @@ def strain_path_figure(records: xr.Dataset, *, paths: Sequence[str] | None = Non
                     step,
                     curves[:, number],
                     **TRUTH | {"color": MODEL_COLOURS[number], "marker": MARKERS[number]},
-                    markevery=dots,
+                    markevery=shown_rows(step, curves[:, number], DOTS_PER_CURVE),
                     label=f"${symbol}_{{{label}}}$",
                 )
         panels[0].set_ylabel(title)

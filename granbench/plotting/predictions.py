@@ -12,8 +12,9 @@ from matplotlib.ticker import MaxNLocator
 
 from granbench.axes import PROTOCOLS
 from granbench.errors import ConfigurationError
-from granbench.plotting.style import TRUTH, every, figure_grid, house_style, model_styles
+from granbench.plotting.style import TRUTH, figure_grid, house_style, model_styles
 from granbench.tensors import component_order, deviatoric_stress, mean_stress
+from granbench.turning_points import shown_rows
 
 DOTS_PER_CURVE = 45
 PASCALS_PER_MEGAPASCAL = 1e6
@@ -119,13 +120,13 @@ def prediction_figure(
     figure, axes = figure_grid(len(quantities), len(paths), panel=(2.7, 2.1), share_x=True)
     order = component_order(tuple(str(label) for label in records["component"].values))
     styles = model_styles(runs)
-    dots = every(truth.sizes["step"], DOTS_PER_CURVE)
     for column, path in enumerate(paths):
         member = truth.isel(path=column)
         family = str(member["loading_family"].values)
         abscissa, label = _abscissa(member, family)
         panels = axes[column :: len(paths)]
         for axis, series in zip(panels, _quantities(member, order), strict=True):
+            dots = shown_rows(abscissa, series, DOTS_PER_CURVE)
             axis.plot(abscissa, series, **TRUTH, markevery=dots)
         for name, run in runs.items():
             series_of_run = _quantities(run.isel(path=column), order)

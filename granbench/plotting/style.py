@@ -178,11 +178,6 @@ def ordered_colours(values: Sequence[float] | np.ndarray) -> tuple[list[Any], An
     return [scale.to_rgba(number) for number in numbers], scale
 
 
-def every(count: int, wanted: int) -> int:
-    """Stride that leaves about `wanted` of `count` points, for `markevery`."""
-    return max(1, round(count / wanted))
-
-
 def figure_format(path: Path) -> str:
     """The format that the name of a figure's file asks for: png, pdf or svg.
 
