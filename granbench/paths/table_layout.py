@@ -13,8 +13,8 @@ from granbench.paths.text_rows import is_number_row
 from granbench.paths.written_numbers import cell_kind
 from granbench.units import is_unit, split_header
 
-HEAD = 2000
-"""Lines within which the table must begin."""
+HEAD, HEAD_CHARACTERS = 2000, 200_000
+"""Lines and characters within which the table must begin."""
 LINES_BELOW = 4
 """Lines of text that may stand between the names of the columns and the first row."""
 ROWS_JUDGED = 20
@@ -56,7 +56,7 @@ def find_headings(lines: Sequence, separators: Iterable[str], is_known: IsKnown)
     separators : that may stand between cells, the preferred one first
     is_known : whether the name of a column, without its unit, is one that is looked for
     """
-    lines = lines[:HEAD]
+    lines = _head(lines)
     found: list[Headings] = []
     for preference, separator in enumerate(separators):
         rows = [line.cells(separator) if line.comment is None else () for line in lines]
@@ -68,6 +68,15 @@ def find_headings(lines: Sequence, separators: Iterable[str], is_known: IsKnown)
             if headings is not None:
                 found.append(_scored(headings, lines, rows, is_known, preference))
     return max(found, key=lambda headings: headings.score, default=None)
+
+
+def _head(lines: Sequence) -> Sequence:
+    left = HEAD_CHARACTERS
+    for count, line in enumerate(lines[:HEAD]):
+        left -= len(line.text)
+        if left < 0:
+            return lines[: max(count, 2)]
+    return lines[:HEAD]
 
 
 def _headings_on(
