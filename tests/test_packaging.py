@@ -144,16 +144,8 @@ def test_no_two_test_files_share_a_name() -> None:
 
 
 LAYERS = (
-    (
-        "errors",
-        "tensors",
-        "whole_file",
-        "bounded_reading",
-        "rounding",
-        "plausible",
-        "units",
-        "input_file",
-    ),
+    ("errors", "tensors", "whole_file", "bounded_reading", "input_file"),
+    ("rounding", "plausible", "units"),
     ("cell", "schema", "schema_check", "records"),
     ("observations", "baseline", "axes", "checks", "boundary_values", "predictions"),
     ("plotting", "paths"),
