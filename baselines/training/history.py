@@ -71,18 +71,3 @@ def learning_curve(reports: list[EpochReport]) -> xr.Dataset:
         for name in ("training_loss", "validation_loss")
     }
     return xr.Dataset(losses, {"epoch": [report.epoch for report in reports]})
-
-
-def draw_history(folder: Path, title: str) -> None:
-    """Write `learning_curve.png` from the table in the folder.
-
-    Raises
-    ------
-    ModelError
-        If the table is missing or damaged.
-    """
-    # Imported here: whoever only loads a model should not wait for matplotlib.
-    from granbench.plotting import learning_curve_figure, save_figure
-
-    curve = learning_curve(read_history(folder))
-    save_figure(learning_curve_figure(curve, title=title), folder / CURVE_FILE)

@@ -4,7 +4,7 @@ The modules of the commands import what is heavy (torch, xarray, matplotlib) ins
 functions, so that ``granbench --help`` answers at once.
 """
 
-import os
+import logging
 import sys
 import warnings
 from collections.abc import Sequence
@@ -14,8 +14,10 @@ import typer
 
 from granbench import __version__
 from granbench.cli import data, drive, evaluate, fem, fit, generate, leaderboard, submission, train
+from granbench.cli.streams import flush_streams, prepare_streams
 from granbench.cli.termination import INTERRUPTED
 from granbench.errors import GranbenchError
+from granbench.printable import printable
 
 USER_ERROR = 2
 
@@ -68,33 +70,62 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     Raises
     ------
     SystemExit
-        Always: 0 when done, 2 after an error that the user can mend (one line on stderr),
+        Always: 0 when done, 2 after an error that the user can fix (one line on stderr),
         130 after Ctrl-C.
     """
+    prepare_streams()
     if not sys.warnoptions:
         warnings.simplefilter("ignore")  # third parties talk to developers, not to the user
     words = sys.argv[1:] if arguments is None else list(arguments)
+    notes = _notes(silent=not {"--quiet", "-q"}.isdisjoint(words))
     try:
         code = app(words, prog_name="granbench", standalone_mode=False)
-        # A reader that has gone, as in `granbench data list | head -1`, shows up on the flush.
-        sys.stdout.flush()
     except GranbenchError as error:
         _fail(str(error))
     except typer.Abort:
         code = INTERRUPTED
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
     except Exception as error:
         _fail(_usage_error(error))
+    finally:
+        logging.getLogger("granbench").removeHandler(notes)
     if code == INTERRUPTED:
         typer.echo("interrupted; the same command continues where it can", err=True)
-    sys.exit(code if isinstance(code, int) else 0)
+    _leave(code if isinstance(code, int) else 0)
+
+
+class _Notes(logging.Handler):
+    """What the library does by itself and takes time over, such as making a dataset, on stderr."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        typer.echo(record.getMessage(), err=True)
+
+
+def _notes(silent: bool) -> logging.Handler:
+    handler = logging.NullHandler() if silent else _Notes()
+    logger = logging.getLogger("granbench")
+    logger.setLevel(logging.WARNING if silent else logging.INFO)
+    logger.addHandler(handler)
+    return handler
 
 
 def _fail(sentence: str) -> NoReturn:
-    typer.echo(sentence if sentence.startswith("Usage:") else f"error: {sentence}", err=True)
-    sys.exit(USER_ERROR)
+    text = sentence if sentence.startswith("Usage:") else f"error: {sentence}"
+    typer.echo(printable(text), err=True)
+    _leave(USER_ERROR)
+
+
+def _leave(code: int) -> NoReturn:
+    """Exit; with an error where standard output could not take what it was to show."""
+    failure = flush_streams()
+    if failure is not None and code == 0:
+        typer.echo(
+            f"error: standard output cannot be written ({failure.strerror}); files that the "
+            "command writes are complete, but send its output somewhere else",
+            err=True,
+        )
+        flush_streams()
+        code = USER_ERROR
+    sys.exit(code)
 
 
 def _usage_error(error: Exception) -> str:

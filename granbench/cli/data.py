@@ -1,6 +1,5 @@
 """`granbench data`: list, info, fetch, verify and plot datasets."""
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,8 +10,14 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 from rich.table import Table
 
+from granbench.cli.options import refuse_overwriting, require_writable
+from granbench.cli.pictures import drawing_errors
+from granbench.cli.printing import print_json, say, show
+from granbench.cli.termination import stopped_by_sigterm
+
 if TYPE_CHECKING:
-    from granbench.data.fetch import Progress as OnProgress
+    from granbench.data.download import Progress as OnProgress
+    from granbench.data.registry import RegistryEntry
 
 app = typer.Typer(
     help="Datasets: list, describe, fetch, verify and plot them.", no_args_is_help=True
@@ -21,10 +26,6 @@ app = typer.Typer(
 Source = Annotated[str, typer.Argument(metavar="NAME|FILE", help="Dataset name or netCDF file.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-
-
-def _print_json(value: Any) -> None:
-    typer.echo(json.dumps(value, indent=2, ensure_ascii=False))
 
 
 @contextmanager
@@ -46,12 +47,20 @@ def _download_bar(quiet: bool = False) -> Iterator["OnProgress"]:
 @app.command("list")
 def list_datasets(as_json: Json = False) -> None:
     """List the registered datasets."""
+    from granbench.data.making import is_made_at_once, is_made_on_request
     from granbench.data.registry import entries
     from granbench.data.store import present_file
 
+    def place(entry: "RegistryEntry", file: Path | None) -> str:
+        if file:
+            return "yes"
+        if is_made_at_once(entry):
+            return "made in seconds"
+        return "made by `fetch --make`" if is_made_on_request(entry) else "no"
+
     rows = [(entry, present_file(entry)) for entry in entries()]
     if as_json:
-        _print_json(
+        print_json(
             [
                 entry.model_dump(mode="json") | {"local_file": str(file) if file else None}
                 for entry, file in rows
@@ -61,9 +70,8 @@ def list_datasets(as_json: Json = False) -> None:
     table = Table("dataset", "version", "tier", "size", "on this machine", "content")
     for entry, file in rows:
         size = f"{entry.bytes / 1e6:.1f} MB"
-        place = "yes" if file else "no"
-        table.add_row(entry.id, entry.version, entry.tier, size, place, entry.title)
-    Console(markup=False).print(table)
+        table.add_row(entry.id, entry.version, entry.tier, size, place(entry, file), entry.title)
+    show(table)
 
 
 @app.command()
@@ -74,46 +82,31 @@ def info(
 ) -> None:
     """Describe a dataset: splits, loading, quality, and the scatter between packings."""
     from granbench.data.store import file_of
-    from granbench.data.summary import summarise
-    from granbench.records import open_records
+    from granbench.data.summary import listed_paths, summarise_file
+    from granbench.data.verification import read_as_trusted
 
     with _download_bar() as progress:
         file = file_of(source, progress)
-    with open_records(file) as ds:
-        _check_seal(ds, file)
-        if paths:
-            _print_paths(ds, as_json)
-            return
-        summary = summarise(ds) | {"file": str(file), "bytes": file.stat().st_size}
+    if paths:
+        rows = read_as_trusted(file, listed_paths)
+        if as_json:
+            print_json(rows)
+        else:
+            say("\n".join("  ".join(row.values()) for row in rows))
+        return
+    summary = read_as_trusted(file, summarise_file)
+    summary |= {"file": str(file), "bytes": file.stat().st_size}
     if as_json:
-        _print_json(summary)
+        print_json(summary)
     else:
         _print_summary(summary)
 
 
-def _check_seal(ds: Any, file: Path) -> None:
-    """A sealed file is what its hashes say; one that was never sealed may be anyone's."""
-    from granbench.records import verify as verify_records
-
-    if "content_sha256" in ds.attrs:
-        verify_records(ds, str(file))
-
-
-def _print_paths(ds: Any, as_json: bool) -> None:
-    columns = ("path_id", "specimen", "split", "loading_family")
-    rows = list(zip(*(ds[name].values.astype(str).tolist() for name in columns), strict=True))
-    if as_json:
-        _print_json([dict(zip(columns, row, strict=True)) for row in rows])
-        return
-    for row in rows:
-        typer.echo("  ".join(row))
-
-
 def _print_summary(summary: dict[str, Any]) -> None:
-    console = Console(markup=False)
+    summary = _printable_values(summary)
     facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     facts.add_column()
-    facts.add_column(overflow="fold")
+    facts.add_column()
     for key in ("file", "licence", "thesis_section", "generator", "engine", "content_sha256"):
         facts.add_row(key.replace("_", " "), str(summary[key]))
     facts.add_row("size", f"{summary['bytes'] / 1e6:.2f} MB")
@@ -137,16 +130,27 @@ def _print_summary(summary: dict[str, Any]) -> None:
         facts.add_row("e0", f"{low:.3f} to {high:.3f}")
     for key, value in summary["quality"].items():
         facts.add_row(key.replace("_", " "), f"{value:.3g}")
-    console.print(f"{summary['dataset']} {summary['version']}", style="bold")
-    console.print(facts)
+    show(f"{summary['dataset']} {summary['version']}", style="bold")
+    show(facts)
     splits = Table("split", "paths", "specimens")
     for name, counts in summary["splits"].items():
         splits.add_row(name, str(counts["paths"]), str(counts["specimens"]))
-    console.print(splits)
+    show(splits)
     if "strain_paths" in summary:
-        console.print(_strain_path_table(summary["strain_paths"]))
+        show(_strain_path_table(summary["strain_paths"]))
     for sentence in (_leak_sentence(summary["leaks"]), *_scatter_sentences(summary)):
-        console.print(sentence, highlight=False, soft_wrap=True)
+        typer.echo(sentence)
+
+
+def _printable_values(value: Any) -> Any:
+    """The same with all text, keys of objects too, safe for a terminal."""
+    from granbench.printable import printable
+
+    if isinstance(value, dict):
+        return {printable(key): _printable_values(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_printable_values(inner) for inner in value]
+    return printable(value) if isinstance(value, str) else value
 
 
 def _strain_path_table(by_split: dict[str, dict[str, Any]]) -> Table:
@@ -202,18 +206,31 @@ def fetch(
     dest: Annotated[
         Path | None, typer.Option("--dest", help="Folder to put it into.", file_okay=True)
     ] = None,
+    make: Annotated[
+        bool,
+        typer.Option(
+            "--make", help="Make a dataset here that no mirror gives, if that takes minutes."
+        ),
+    ] = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Fetch a dataset from the nearest mirror and check it against the registry."""
+    """Fetch a dataset from the nearest mirror and check it against the registry.
+
+    One that no mirror gives is made on this machine if that takes seconds; with --make, also if
+    it takes minutes.
+    """
     from granbench.data.store import bring, dataset_file
 
-    with _download_bar(quiet) as progress:
-        file = bring(name, dest, progress) if dest else dataset_file(name, progress)
+    with stopped_by_sigterm(), _download_bar(quiet) as progress:
+        if dest:
+            file = bring(name, dest, progress, minutes=make)
+        else:
+            file = dataset_file(name, progress, minutes=make)
     if as_json:
-        _print_json({"name": name, "file": str(file)})
+        print_json({"name": name, "file": str(file)})
     elif not quiet:
-        typer.echo(str(file))
+        say(file)
 
 
 @app.command()
@@ -227,10 +244,15 @@ def verify(source: Source, as_json: Json = False, quiet: Quiet = False) -> None:
     entry = verify_file(file)
     if as_json:
         registered = f"{entry.id}@{entry.version}" if entry else None
-        _print_json({"file": str(file), "verified": True, "registered": registered})
+        print_json({"file": str(file), "verified": True, "registered": registered})
     elif not quiet:
-        known = f"is {entry.id} {entry.version} of the registry" if entry else "is not registered"
-        typer.echo(f"{file}: every variable agrees with its hash; the dataset {known}")
+        known = (
+            f"is {entry.id} {entry.version} of the registry, and its attributes agree with it too"
+            if entry
+            else "is not registered, so that nothing vouches for who made it, its ground truth, "
+            "its licence or any other attribute but its configuration"
+        )
+        say(f"{file}: every variable agrees with its hash; the dataset {known}")
 
 
 @app.command()
@@ -246,22 +268,21 @@ def plot(
 ) -> None:
     """Draw stress ratio and void ratio against axial strain, or strain paths and stresses."""
     from granbench.data.store import file_of
-    from granbench.plotting import dataset_figure, strain_path_figure
-    from granbench.plotting.style import figure_format, save_figure
-    from granbench.records import open_records
-    from granbench.tensors import component_order
+    from granbench.data.summary import draw_file
+    from granbench.data.verification import read_as_trusted
+    from granbench.plotting.style import figure_format
 
-    if out is not None:
-        figure_format(out)  # before anything is fetched
+    if out is not None:  # before anything is fetched
+        figure_format(out)
+        require_writable("--out", out)
+        refuse_overwriting(out, "NAME|FILE", Path(source))
     with _download_bar(quiet) as progress:
         file = file_of(source, progress)
-    with open_records(file) as ds:
-        _check_seal(ds, file)
-        in_plane = component_order(tuple(map(str, ds["component"].values))) == "plane"
-        draw = strain_path_figure if in_plane else dataset_figure
-        picture = save_figure(draw(ds, paths=path or None), out or Path(f"{file.stem}.png"))
+    picture = out or Path(f"{file.stem}.png")
+    with drawing_errors(picture):
+        read_as_trusted(file, draw_file, picture, path or None)
     if not quiet:
-        typer.echo(str(picture))
+        say(picture)
 
 
 @app.command(hidden=True)
@@ -270,6 +291,9 @@ def register(
     identifier: Annotated[str, typer.Option("--id", help="Name in the registry.")],
     title: Annotated[str, typer.Option(help="One line for listings.")],
     command: Annotated[str, typer.Option(help="The command that made it.")],
+    seconds: Annotated[
+        float | None, typer.Option(help="How long the command takes, if anyone can run it.")
+    ] = None,
     tier: Annotated[str, typer.Option(help="mini, core or paper.")] = "core",
     mirror: Annotated[list[str] | None, typer.Option(help="Folder or address.")] = None,
     replace: Annotated[bool, typer.Option(help="Before publication only.")] = False,
@@ -282,11 +306,12 @@ def register(
         identifier=identifier,
         title=title,
         command=command,
+        seconds=seconds,
         tier=tier,
         mirrors=mirror or (),
         replace=replace,
     )
-    typer.echo(f"registered {entry.id} {entry.version}: {entry.bytes} bytes, {entry.sha256}")
+    say(f"registered {entry.id} {entry.version}: {entry.bytes} bytes, {entry.sha256}")
 
 
 @app.command(hidden=True)
@@ -298,4 +323,4 @@ def mini(
     from granbench.data.publish import publish_mini
 
     entry = publish_mini(file, replace=replace)
-    typer.echo(f"registered {entry.id} {entry.version}: {entry.bytes} bytes, {entry.sha256}")
+    say(f"registered {entry.id} {entry.version}: {entry.bytes} bytes, {entry.sha256}")

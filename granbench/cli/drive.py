@@ -1,6 +1,5 @@
 """`granbench drive`: take a model through an element test or along a path of one's own."""
 
-import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,9 +11,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from granbench.cli.drive_options import AskedCourse, scalars_at_start
 from granbench.cli.options import refuse_overwriting, require_writable
+from granbench.cli.pictures import draw_beside_results
+from granbench.cli.printing import print_json
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from granbench.cell import MaterialCell
     from granbench.driving import Answer
 
@@ -87,8 +90,6 @@ def drive(
     """Drive a model along a path, or through a standard test, and write its stresses."""
     from granbench.driven_model import ModelChoice, Start
     from granbench.driving import drive as take
-    from granbench.plotting.element_test import element_test_figure
-    from granbench.plotting.style import save_figure
 
     _check_targets(out, plot)
     for option, file in (("MODEL", Path(model)), ("--path", path), ("--params", params),
@@ -113,13 +114,21 @@ def drive(
         )
     _write(answer, out)
     if plot is not None:
-        save_figure(element_test_figure(answer.records, cell.name, course.component), plot)
+        plot = draw_beside_results(plot, lambda: _figure(answer, cell.name, course.component))
     if as_json:
-        typer.echo(json.dumps(_summary(answer, cell, out, plot), indent=2))
+        print_json(_summary(answer, cell, out, plot))
     elif not quiet:
         typer.echo(_sentence(answer, cell, out))
+        for note in answer.notes:
+            typer.echo(f"note: {note}")
         if getattr(cell, "pressure_dependent", False) and (note := answer.tension()):
             typer.echo(f"note: {note}")
+
+
+def _figure(answer: "Answer", name: str, component: str | None) -> "Figure":
+    from granbench.plotting.element_test import element_test_figure
+
+    return element_test_figure(answer.records, name, component)
 
 
 def _check_targets(out: Path, plot: Path | None) -> None:

@@ -13,11 +13,15 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from granbench.cli.drive_options import scalars_at_start
-from granbench.cli.options import require_writable
+from granbench.cli.options import refuse_overwriting, require_writable
+from granbench.cli.pictures import draw_beside_results
+from granbench.cli.printing import note, print_json
 from granbench.cli.termination import stopped_by_sigterm
-from granbench.errors import AnalysisError, ConfigurationError
+from granbench.errors import AnalysisError, ConfigurationError, GranbenchError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from granbench.cell import MaterialCell
     from granbench.fem import Analysis, ExplicitSettings, ImplicitSettings, Problem
 
@@ -48,8 +52,8 @@ def fem(
         typer.Option(
             "--mesh",
             metavar="NAME|FILE",
-            help="coarse, medium, fine, another of the problem, or a file such as soil.msh whose "
-            "boundaries have the names of the problem's.",
+            help="coarse, medium, fine, another of the problem, or a file of Gmsh (.msh), Abaqus "
+            "(.inp), VTK (.vtk, .vtu) or Medit (.mesh).",
         ),
     ] = None,
     choose: Annotated[
@@ -111,6 +115,12 @@ def fem(
 ) -> None:
     """Analyse a boundary-value problem with a model, and write all that happened in it."""
     _check_targets(out, vtu, plot)
+    load_path = next((word[10:] for word in choose or () if word.startswith("load_path=")), None)
+    sources = {"--mesh": mesh, "--choose load_path": load_path, "--params": params, "--cell": cell}
+    for option, source in sources.items():
+        for target in (out, plot):
+            if source is not None and target is not None:
+                refuse_overwriting(target, option, Path(source))
     from granbench.fem.problems import chosen_from_text
 
     chosen = chosen_from_text(problem, choose or ())
@@ -137,10 +147,10 @@ def fem(
                 chosen, made, solver=settings, mesh=mesh, scalars=scalars, on_step=advance
             )
         analysis.write(out)
-        series = _write_pictures(analysis, vtu, plot)
+        series, plot = _write_pictures(analysis, vtu, plot)
         _end(analysis, out)
     if as_json:
-        typer.echo(json.dumps(_summary(analysis, out, series, plot), indent=2))
+        print_json(_summary(analysis, out, series, plot))
     elif not quiet:
         typer.echo(_sentence(analysis, out))
         for remark in remarks(analysis.dataset):
@@ -216,38 +226,49 @@ def _output_steps(analysis: "Analysis") -> int:
     return max(0, analysis.dataset.sizes.get("step", 0) - 1)
 
 
-def _write_pictures(analysis: "Analysis", vtu: Path | None, plot: Path | None) -> Path | None:
+def _write_pictures(
+    analysis: "Analysis", vtu: Path | None, plot: Path | None
+) -> tuple[Path | None, Path | None]:
     """The series and the picture that are asked for, of a run that ended early as well.
 
-    One that has nothing but its start leaves none.
+    Returns
+    -------
+    index of the series, picture : None where there is none, as of a run that has nothing but its
+        start
     """
-    index = None
     if _output_steps(analysis) == 0:
-        return index
+        return None, None
+    index = None
     if vtu is not None:
         from granbench.plotting.paraview import write_series
 
-        index = write_series(analysis.dataset, vtu)
+        try:
+            index = write_series(analysis.dataset, vtu)
+        except GranbenchError as error:
+            note(f"{error}. The results in the netCDF file are complete without the series")
     if plot is not None:
-        from granbench.plotting.fem import analysis_figure
-        from granbench.plotting.style import save_figure
+        plot = draw_beside_results(plot, lambda: _figure(analysis))
+    return index, plot
 
-        save_figure(analysis_figure(analysis.dataset), plot)
-    return index
+
+def _figure(analysis: "Analysis") -> "Figure":
+    from granbench.plotting.fem import analysis_figure
+
+    return analysis_figure(analysis.dataset)
 
 
 def _summary(
     analysis: "Analysis", out: Path, series: Path | None, plot: Path | None
 ) -> dict[str, object]:
     """What a program wants to know."""
-    from granbench.fem.remarks import first_turned_step, remarks
+    from granbench.fem.remarks import first_implausible_step, first_turned_step, remarks
 
     found = analysis.dataset
     imbalance = float(found.attrs["initial_imbalance"])
     attributes = found.attrs
     last = found.isel(step=-1)
     summary: dict[str, object] = {
-        **{name: attributes[name] for name in ("problem", "cell", "solver", "mesh")},
+        **{name: attributes[name] for name in ("problem", "cell", "solver", "mesh", "element")},
         "choices": json.loads(attributes["choices"]),
         "settings": json.loads(attributes["settings"]),
         "gauss_points": found.sizes["point"],
@@ -260,6 +281,7 @@ def _summary(
         "energy_error": float(abs(found["energy_error"]).max()),
         "initial_imbalance": imbalance if math.isfinite(imbalance) else None,
         "first_turned_step": first_turned_step(found),
+        "first_implausible_step": first_implausible_step(found),
         "turned_elements": int(found["turned_elements"].max()),
         "warnings": remarks(found),
         "cell_seconds": float(last["cell_seconds"]),
@@ -278,10 +300,11 @@ def _sentence(analysis: "Analysis", out: Path) -> str:
     last = found.isel(step=-1)
     cell_seconds = float(last["cell_seconds"])
     seconds = cell_seconds + float(last["solver_seconds"])
+    points = f"{found.sizes['point']} Gauss points of {found.attrs['element']} elements"
     return (
         f"{out}: {found.attrs['problem']} with {found.attrs['cell']}, {found.attrs['solver']}, "
-        f"{found.sizes['point']} Gauss points, {seconds:.3g} s ({cell_seconds:.3g} s in the "
-        f"model); reaction at the end {float(last['reaction']) / 1e3:.4g} kN/m, largest "
+        f"{points}, {seconds:.3g} s ({cell_seconds:.3g} s in the model); reaction at the end "
+        f"{float(last['reaction']) / 1e3:.4g} kN/m, largest "
         f"{float(found['reaction'].max()) / 1e3:.4g} kN/m; volumetric strain "
         f"{100.0 * float(last['volumetric_strain']):.3g} %"
     )

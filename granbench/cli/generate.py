@@ -1,11 +1,11 @@
 """`granbench generate`: run, or continue, the campaign that makes a dataset."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from granbench.cli.printing import print_json
 from granbench.cli.termination import stopped_by_sigterm
 
 
@@ -19,14 +19,16 @@ def generate(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random choice.")] = 0,
     retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="Run jobs again that failed earlier.")
+        bool,
+        typer.Option("--retry-failed", help="Also run jobs again whose own physics ended them."),
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the outcome as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
 ) -> None:
     """Generate a dataset; run the same command again to continue one that was interrupted."""
-    from granbench.generators.catalogue import generator
+    from granbench.generators.catalogue import generator, require_usable
 
+    require_usable(out)
     with stopped_by_sigterm():
         path, report = generator(dataset)(
             preset,
@@ -43,11 +45,14 @@ def generate(
             "done": len(report.done),
             "continued": len(report.skipped),
             "failed": report.failed,
+            "damaged": report.damaged,
         }
-        typer.echo(json.dumps(outcome, indent=1))
+        print_json(outcome)
         return
     if quiet:
         return
     typer.echo(f"{len(report.done)} jobs done, {len(report.skipped)} of them earlier: {path}")
+    for key, reason in report.damaged.items():
+        typer.echo(f"found damaged, and made again: {key}: {reason}")
     for key, reason in report.failed.items():
         typer.echo(f"failed, and not in the data: {key}: {reason}")

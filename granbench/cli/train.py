@@ -11,10 +11,15 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from granbench.cli.options import default_task
+from granbench.cli.pictures import draw_beside_results
+from granbench.cli.printing import print_json
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError, GranbenchError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from granbench.baseline import EpochReport
 
 SECONDS_PER_MINUTE = 60.0
@@ -26,8 +31,14 @@ def train(
         Path, typer.Option("--out", help="Folder of the run; one that was begun is continued.")
     ],
     task: Annotated[
-        str, typer.Option("--task", metavar="NAME|FILE", help="Dataset name or netCDF file.")
-    ] = "dem-triaxial",
+        str | None,
+        typer.Option(
+            "--task",
+            metavar="NAME|FILE",
+            help="Dataset name or netCDF file; dem-triaxial by default, or dem-triaxial-mini where "
+            "that is not on this machine.",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of weights and batches.")] = 0,
     preset: Annotated[
         str | None, typer.Option("--preset", help="Training settings, such as reference or paper.")
@@ -63,9 +74,11 @@ def train(
     import torch
 
     from granbench.baseline import DESCRIPTION_FILE, TrainingRequest, find_baseline
+    from granbench.baselines.training.history import CURVE_FILE, HISTORY_FILE
     from granbench.data.verification import task_file
     from granbench.records import open_records
 
+    task = task or default_task()
     model = find_baseline(baseline)
     # One by default: the bits of a result depend on the number of threads, and threads that
     # wait for a busy core made an epoch twenty times slower.
@@ -88,9 +101,13 @@ def train(
                 on_epoch=show,
             )
         )
+    if (folder / HISTORY_FILE).exists():  # a fit of a classical model has none
+        draw_beside_results(
+            folder / CURVE_FILE, lambda: _figure(folder, f"{baseline}, seed {seed}")
+        )
     description = json.loads((folder / DESCRIPTION_FILE).read_text())
     if as_json:
-        typer.echo(json.dumps(description | {"folder": str(folder)}, indent=2))
+        print_json(description | {"folder": str(folder)})
     elif not quiet:
         run = description["training"]
         typer.echo(
@@ -98,6 +115,13 @@ def train(
             f"{run['best_epoch']} of {run['epochs']} (ended by {run['ended_by']}, "
             f"{run['seconds'] / SECONDS_PER_MINUTE:.1f} minutes); the model is in {folder}"
         )
+
+
+def _figure(folder: Path, title: str) -> "Figure":
+    from granbench.baselines.training.history import learning_curve, read_history
+    from granbench.plotting import learning_curve_figure
+
+    return learning_curve_figure(learning_curve(read_history(folder)), title=title)
 
 
 @contextmanager

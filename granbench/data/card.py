@@ -7,11 +7,10 @@ unnoticed.
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 import xarray as xr
-from matplotlib.figure import Figure
 
 from granbench.data.card_text import card_text
 from granbench.errors import DatasetError, GranbenchError
@@ -28,6 +27,9 @@ from granbench.plotting import (
     stress_space_figure,
 )
 from granbench.records import open_records, verify
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 from granbench.tensors import component_order
 from granbench.whole_file import whole_file
 

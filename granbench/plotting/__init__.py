@@ -1,5 +1,6 @@
 """One figure one function: takes xarray or arrays, returns a matplotlib figure."""
 
+from granbench.plotting import backend  # noqa: F401 - first: it imports matplotlib safely
 from granbench.plotting.dataset import (
     critical_state_figure,
     cyclic_figure,

@@ -15,6 +15,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.mathtext import MathTextParser
+from matplotlib.text import Text
 
 from granbench.errors import ConfigurationError
 from granbench.whole_file import whole_file
@@ -43,6 +45,7 @@ SETTINGS: dict[Any, Any] = {
     "legend.fontsize": 8.0,
     "legend.frameon": False,
     "lines.linewidth": 1.4,
+    "text.usetex": False,
 }
 
 house_style = mpl.rc_context(SETTINGS)
@@ -197,6 +200,29 @@ def figure_format(path: Path) -> str:
     return name
 
 
+def _make_drawable(figure: Figure) -> None:
+    """Keep texts that come from files, such as names of tests, from ending the drawing.
+
+    Mathematics that matplotlib cannot parse is shown as it is written; control characters and
+    bytes of a file name that are no text are shown as a replacement character.
+    """
+    parser: Any = MathTextParser("path")
+    texts: list[Any] = figure.findobj(Text)
+    for text in texts:
+        written = text.get_text()
+        shown = "".join(
+            letter if letter == "\n" or letter.isprintable() else "\N{REPLACEMENT CHARACTER}"
+            for letter in written
+        )
+        if shown != written:
+            text.set_text(shown)
+        if "$" in shown:
+            try:
+                parser.parse(shown)
+            except ValueError:
+                text.set_parse_math(False)
+
+
 def save_figure(figure: Figure, path: Path | str) -> Path:
     """Write a figure in the format that the file's name ends in, whole or not at all.
 
@@ -207,6 +233,7 @@ def save_figure(figure: Figure, path: Path | str) -> Path:
     """
     path = Path(path)
     kind = figure_format(path)
+    _make_drawable(figure)
     # Without a salt matplotlib names the parts of an SVG at random.
     with (
         whole_file(path, ConfigurationError) as partial,

@@ -86,7 +86,6 @@ def test_the_trained_cell_has_the_validation_loss_of_its_best_epoch(
     batch = next(source.batches(torch.arange(source.item_count), source.item_count))
     best = min(loss for _, loss in losses(folder))
     assert cell.network.loss(batch).item() == pytest.approx(best, rel=1e-5)
-    assert (folder / "learning_curve.png").stat().st_size > 1000
 
 
 def test_validation_and_test_paths_do_not_touch_the_weights(

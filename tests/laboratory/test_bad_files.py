@@ -133,7 +133,7 @@ def test_a_test_without_volume_is_read_only_where_the_lateral_stress_stands_for_
     path = write_csv(tmp_path / "cd.csv", ["eps1 [%]", "q [kPa]", "p [kPa]"], columns)
     (test,) = read_tests(path)
     assert not test.lateral_strain_known
-    with pytest.raises(DatasetError, match="needs the lateral or the volumetric strain"):
+    with pytest.raises(DatasetError, match="total or effective stresses"):
         read_tests(path, ImportSettings(kind="triaxial-undrained"))
 
 
