@@ -11,12 +11,14 @@ from dataclasses import dataclass
 
 from granbench.paths.text_rows import is_number_row
 from granbench.paths.written_numbers import cell_kind
-from granbench.units import is_unit, split_header
+from granbench.units import LONGEST_HEADER, is_unit, split_header
 
 HEAD, HEAD_CHARACTERS = 2000, 200_000
 """Lines and characters within which the table must begin."""
 LINES_BELOW = 4
 """Lines of text that may stand between the names of the columns and the first row."""
+COMMENTS_BELOW = 100
+"""Lines of any kind between them."""
 ROWS_JUDGED = 20
 
 IsKnown = Callable[[str], bool]
@@ -108,16 +110,18 @@ def _headings_on(
 def _first_row(lines: Sequence, numeric: Sequence[bool], at: int) -> int | None:
     """The first row of numbers below a line, where only a few lines are between them."""
     between = 0
-    for below in range(at + 1, len(lines)):
+    for below in range(at + 1, min(at + 1 + COMMENTS_BELOW, len(lines))):
         if numeric[below] and not lines[below].is_drawn:
             return below
         between += lines[below].comment is None and not lines[below].is_drawn
         if between > LINES_BELOW:
             return None
-    return len(lines)
+    return len(lines) if at + 1 + COMMENTS_BELOW >= len(lines) else None
 
 
 def _may_be_names(cells: Sequence, is_known: IsKnown) -> bool:
+    if any(len(str(cell)) > LONGEST_HEADER for cell in cells):
+        return False
     kinds = [cell_kind(cell) for cell in cells]
     if not kinds or any(kind in ("number", "date") for kind in kinds):
         return False

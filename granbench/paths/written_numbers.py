@@ -11,6 +11,9 @@ from dataclasses import dataclass, field
 
 Cell = str | float | None
 
+LONGEST_NUMBER = 100
+"""Characters; a longer cell is not a number."""
+
 MISSING_WORDS = frozenset(
     [
         "nan",
@@ -97,6 +100,8 @@ def cell_kind(cell: Cell) -> str:
     text = cleaned(cell)
     if not text:
         return "blank"
+    if len(text) > LONGEST_NUMBER:
+        return "text"
     if _marks(text) is not None:
         return "number"
     if text.lower() in MISSING_WORDS or set(text) == {"*"}:
@@ -173,7 +178,7 @@ def number_of(cell: Cell, column: DecimalMarks, table: DecimalMarks) -> float | 
     if not isinstance(cell, str):
         return cell
     text = cleaned(cell)
-    mark = _marks(text)
+    mark = _marks(text) if len(text) <= LONGEST_NUMBER else None
     if mark is None:
         return None
     if mark == "?":
