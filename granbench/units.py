@@ -3,6 +3,8 @@
 import re
 from collections.abc import Mapping
 
+LONGEST_UNIT, LONGEST_HEADER = 40, 400
+"""Characters; longer texts are neither."""
 GRAVITY = 9.80665
 """m/s2: turns a mass, as in kg/cm2, into the force that is meant."""
 POUND = 4.4482216152605
@@ -136,6 +138,8 @@ def split_header(header: str) -> tuple[str, str | None]:
     the name; see `split_strange_unit` for what may still be meant as one.
     """
     header = " ".join(header.split())
+    if len(header) > LONGEST_HEADER:
+        return header, None
     for found in _BRACKETED.finditer(header):
         if is_unit(found["unit"]) and header[: found.start()].strip(" /,"):
             return header[: found.start()].strip(" /,"), found["unit"]
@@ -193,6 +197,8 @@ def is_unit(text: str) -> bool:
 def _plain(unit: str) -> str:
     """One spelling of a unit: ``kgf / cm^2``, ``kgf/cm²`` and ``kgf cm-2`` are `kgf/cm2`."""
     plain = unit.strip().lower()
+    if len(plain) > LONGEST_UNIT:
+        return plain
     for written, meant in _SPELLINGS:
         plain = plain.replace(written, meant)
     plain = re.sub(r"\b(?:foot|feet)\b", "ft", re.sub(r"\binch(es)?\b", "in", plain))

@@ -38,9 +38,12 @@ def read_load_path(file: Path | str) -> LoadingHistory:
         another one, a unit is unknown, a cell is no number, the times do not rise from 0, nothing
         moves, or a displacement without a unit is as large as only millimetres are.
     """
-    table = read_table(
-        Path(file), ConfigurationError, lambda name: name in COLUMNS, _WANTED, "a CSV file"
-    )
+    try:
+        table = read_table(
+            Path(file), ConfigurationError, lambda name: name in COLUMNS, _WANTED, "a CSV file"
+        )
+    except ConfigurationError as error:
+        raise ConfigurationError(f"load path {error}") from error
     columns = {_name(column): column for column in table.columns if _is_asked(table, column)}
     if sorted(columns) != sorted(COLUMNS):
         raise ConfigurationError(
@@ -60,7 +63,7 @@ def read_load_path(file: Path | str) -> LoadingHistory:
     try:
         history = LoadingHistory(times, values)
     except ConfigurationError as error:
-        raise ConfigurationError(f"{table.source}: {error}") from error
+        raise ConfigurationError(f"load path {table.source}: {error}") from error
     if values[0] != 0.0 or not any(values):
         raise ConfigurationError(
             f"load path {table.source}: begins at a displacement of {values[0]:g} m and ends at "

@@ -86,8 +86,7 @@ def _named(path: Path, arrays: Mapping[str, NDArray]) -> Iterator[tuple[Floats, 
     if "stop" in arrays:
         require_shape(path, arrays, "stop", (count,))
     stops = arrays["stop"] if "stop" in arrays else np.full(count, steps)
-    for place, number in enumerate(stops):
-        stop = _steps(path, "stop", number, steps)
+    for place, stop in enumerate([_steps(path, "stop", number, steps) for number in stops]):
         parts = []
         for name in ("strain", "stress"):
             before, after = arrays[f"{name}_k"][:stop, place], arrays[f"{name}_k1"][:stop, place]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from granbench.errors import GranbenchError
 from granbench.input_file import require_file
-from granbench.paths.table_layout import Headings, IsKnown, find_headings
+from granbench.paths.table_layout import HEAD, Headings, IsKnown, find_headings
 from granbench.paths.table_rows import table_rows
 from granbench.paths.tables import Column, Table
 from granbench.paths.text_rows import SEPARATORS, is_number_row, read_lines
@@ -65,7 +65,7 @@ def _no_table(
 ) -> GranbenchError:
     if not lines:
         return error(f"{source}: is empty, with no row of numbers; give {example}")
-    for line in lines:
+    for line in lines[:HEAD]:
         if line.comment is None and any(is_number_row(line.cells(s)) for s in separators):
             return error(
                 f"{source}, {line.place}: numbers begin without a header above them; write the "

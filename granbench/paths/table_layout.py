@@ -11,12 +11,14 @@ from dataclasses import dataclass
 
 from granbench.paths.text_rows import is_number_row
 from granbench.paths.written_numbers import cell_kind
-from granbench.units import is_unit, split_header
+from granbench.units import LONGEST_HEADER, is_unit, split_header
 
-HEAD = 2000
-"""Lines within which the table must begin."""
+HEAD, HEAD_CHARACTERS = 2000, 200_000
+"""Lines and characters within which the table must begin."""
 LINES_BELOW = 4
 """Lines of text that may stand between the names of the columns and the first row."""
+COMMENTS_BELOW = 100
+"""Lines of any kind between them."""
 ROWS_JUDGED = 20
 
 IsKnown = Callable[[str], bool]
@@ -56,7 +58,7 @@ def find_headings(lines: Sequence, separators: Iterable[str], is_known: IsKnown)
     separators : that may stand between cells, the preferred one first
     is_known : whether the name of a column, without its unit, is one that is looked for
     """
-    lines = lines[:HEAD]
+    lines = _head(lines)
     found: list[Headings] = []
     for preference, separator in enumerate(separators):
         rows = [line.cells(separator) if line.comment is None else () for line in lines]
@@ -68,6 +70,15 @@ def find_headings(lines: Sequence, separators: Iterable[str], is_known: IsKnown)
             if headings is not None:
                 found.append(_scored(headings, lines, rows, is_known, preference))
     return max(found, key=lambda headings: headings.score, default=None)
+
+
+def _head(lines: Sequence) -> Sequence:
+    left = HEAD_CHARACTERS
+    for count, line in enumerate(lines[:HEAD]):
+        left -= len(line.text)
+        if left < 0:
+            return lines[: max(count, 2)]
+    return lines[:HEAD]
 
 
 def _headings_on(
@@ -99,16 +110,18 @@ def _headings_on(
 def _first_row(lines: Sequence, numeric: Sequence[bool], at: int) -> int | None:
     """The first row of numbers below a line, where only a few lines are between them."""
     between = 0
-    for below in range(at + 1, len(lines)):
+    for below in range(at + 1, min(at + 1 + COMMENTS_BELOW, len(lines))):
         if numeric[below] and not lines[below].is_drawn:
             return below
         between += lines[below].comment is None and not lines[below].is_drawn
         if between > LINES_BELOW:
             return None
-    return len(lines)
+    return len(lines) if at + 1 + COMMENTS_BELOW >= len(lines) else None
 
 
 def _may_be_names(cells: Sequence, is_known: IsKnown) -> bool:
+    if any(len(str(cell)) > LONGEST_HEADER for cell in cells):
+        return False
     kinds = [cell_kind(cell) for cell in cells]
     if not kinds or any(kind in ("number", "date") for kind in kinds):
         return False

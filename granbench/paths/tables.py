@@ -98,9 +98,10 @@ class Table:
             Naming file, row and column of the first cell that is no finite number, or may be
             either of two.
         """
-        if fault := self.fault(column):
+        values = self.values(column)
+        if np.isnan(values).any() and (fault := self.fault(column)):
             row, what = fault
             raise DatasetError(
                 f"{self.source}, {self.places[row]}: column {column.header!r} {what}"
             )
-        return self.values(column)
+        return values

@@ -29,7 +29,9 @@ _COMMENT = re.compile(
 _BANNER = re.compile(r"[-=_+|*~#%!/:\s]*[-=_*~#]{3}[-=_+|*~#%!/:\s]*")
 """A line that is drawn, such as ``-----+-----``."""
 _LAST_BRACKET = re.compile(r"[^\[\](){}]+[\[({][^\[\](){}]*[\])}]")
-_TRAILING_COMMENT = re.compile(r"\s+(?:#|!|//).*$")
+_REMARK_MARKS = ("#", "!", "//")
+LONGEST_HEADING = 10_000
+"""Characters of a line that is searched for headings; a longer one is a row of numbers."""
 
 _KINDS_BY_START = (
     (b"\x1f\x8b", "is compressed; unpack it first"),
@@ -72,7 +74,7 @@ class Line:
     @property
     def is_drawn(self) -> bool:
         """Whether it is drawn rather than written, as below a heading."""
-        return _BANNER.fullmatch(self.text) is not None
+        return len(self.text) < LONGEST_HEADING // 10 and bool(_BANNER.fullmatch(self.text))
 
     @property
     def comment(self) -> str | None:
@@ -88,10 +90,14 @@ class Line:
     def row(self, separator: str, columns: int) -> tuple[str, ...]:
         """The cells of a row of numbers, without the remark behind it, where it has one."""
         cells = self.cells(separator)
-        if len(cells) == columns or not (bare := _TRAILING_COMMENT.sub("", self.text)):
+        bare = _without_remark(self.text)
+        if bare == self.text:
             return cells
         shorter = split_cells(bare, separator)
-        return shorter if len(shorter) == columns else cells
+        is_meant = len(shorter) == columns and (
+            len(cells) != columns or cell_kind(cells[-1]) != "number" == cell_kind(shorter[-1])
+        )
+        return shorter if is_meant else cells
 
     def fits(self, separator: str, columns: int) -> bool:
         """Whether it may be a row of so many columns: what is missing or too many is empty."""
@@ -114,10 +120,18 @@ class Line:
                     yield split_cells(text, mark)
             words = [word.strip() for word in re.split(r"\s{2,}|\t", text) if word.strip()]
             yield tuple(words)  # names of several words, as in ``Void ratio   q``
-            yield tuple(word.strip(" \t,;") for word in _LAST_BRACKET.findall(text))
+            if len(text) < LONGEST_HEADING // 10:
+                yield tuple(word.strip(" \t,;") for word in _LAST_BRACKET.findall(text))
             yield split_cells(text, "blanks")
             if not any(mark in text for mark in "\t;,|"):
                 yield (text,)
+
+
+def _without_remark(text: str) -> str:
+    """A row without what stands behind a comment mark that follows a blank."""
+    places = (text.find(mark) for mark in _REMARK_MARKS)
+    starts = [at for at in places if at > 0 and text[at - 1] in " \t"]
+    return text[: min(starts)].rstrip() if starts else text
 
 
 def split_cells(text: str, separator: str) -> tuple[str, ...]:

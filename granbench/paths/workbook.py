@@ -111,7 +111,12 @@ def read_only_sheet(path: Path, error: type[GranbenchError]) -> tuple[str, list[
     """
     filled = {}
     for name, cells in read_sheets(path, error, hidden=False).items():
-        if rows := [SheetRow(number, tuple(row)) for number, row in cells.items() if any(row)]:
+        rows = [
+            SheetRow(number, tuple(row))
+            for number, row in cells.items()
+            if any(cell is not None for cell in row)
+        ]
+        if rows:
             filled[name] = rows
     if len(filled) != 1:
         names = ", ".join(list(filled)[:8])

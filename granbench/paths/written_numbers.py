@@ -11,6 +11,9 @@ from dataclasses import dataclass, field
 
 Cell = str | float | None
 
+LONGEST_NUMBER = 100
+"""Characters; a longer cell is not a number."""
+
 MISSING_WORDS = frozenset(
     [
         "nan",
@@ -94,9 +97,13 @@ def cell_kind(cell: Cell) -> str:
     """
     if not isinstance(cell, str):
         return "blank" if cell is None else "number"
+    if len(cell) <= LONGEST_NUMBER and (_POINT.fullmatch(cell) or _INTEGER.fullmatch(cell)):
+        return "number"  # the usual case, without looking for unusual characters
     text = cleaned(cell)
     if not text:
         return "blank"
+    if len(text) > LONGEST_NUMBER:
+        return "text"
     if _marks(text) is not None:
         return "number"
     if text.lower() in MISSING_WORDS or set(text) == {"*"}:
@@ -173,7 +180,7 @@ def number_of(cell: Cell, column: DecimalMarks, table: DecimalMarks) -> float | 
     if not isinstance(cell, str):
         return cell
     text = cleaned(cell)
-    mark = _marks(text)
+    mark = _marks(text) if len(text) <= LONGEST_NUMBER else None
     if mark is None:
         return None
     if mark == "?":
@@ -220,24 +227,24 @@ def why_no_number(cell: Cell, column: Sequence[Cell]) -> str:
     """
     if cell is None or (isinstance(cell, str) and not cleaned(cell)):
         return "is empty; fill the cell or remove the row"
-    text = cleaned(str(cell))
+    text, shown = cleaned(str(cell)), str(cell)[:60]
     mark = _marks(text)
     mixed = len(DecimalMarks.of(column).shown) > 1
     if mark == "?" and "," in text:
         return (
-            f"holds {str(cell)!r}, which may be {text.replace(',', '')} or "
+            f"holds {shown!r}, which may be {text.replace(',', '')} or "
             f"{text.replace(',', '.')}: does the comma separate thousands, or is it decimal? Write "
             f"{text.replace(',', '')} or, for the other, {text}0"
         )
     if mark is not None and (mixed or mark == "?"):
         return (
-            f"holds {str(cell)!r} among numbers with "
+            f"holds {shown!r} among numbers with "
             f"{'both decimal points and decimal commas' if mixed else 'decimal commas'}: what does "
             "the mark mean? Write all numbers with decimal points and without thousands separators"
         )
     if cell_kind(cell) == "with unit":
         return (
-            f"holds {str(cell)!r}, which is not a number; write the unit into the header and the "
+            f"holds {shown!r}, which is not a number; write the unit into the header and the "
             "number alone into the cell"
         )
-    return f"holds {str(cell)!r}, which is not a finite number; fix the cell or remove the row"
+    return f"holds {shown!r}, which is not a finite number; fix the cell or remove the row"

@@ -123,8 +123,33 @@ def test_a_load_path_from_a_file_drives_the_problem(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        "time [min],displacement [mm]\n0,0\n0.5,5\n",
+        "time\tdisplacement\ns\tcm\n0\t0\n30\t0,5\n",
+        "# time displacement\n0 0\n30 5.0D-03\n",
+        "Date;time;displacement [m]\n01.02.2023;0;0\n01.02.2023;30;0,005\n",
+    ],
+)
+def test_load_paths_may_state_their_units(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "path.csv"
+    file.write_text(text)
+    history = read_load_path(file)
+    assert history.times == (0.0, 30.0) and history.values == pytest.approx((0.0, 5e-3))
+
+
+def test_a_load_path_beyond_the_body_is_asked_about(tmp_path: Path) -> None:
+    file = tmp_path / "path.csv"
+    file.write_text("time,displacement [m]\n0,0\n1,1.5\n")
+    with pytest.raises(ConfigurationError, match=r"reaches a displacement of 1.5 m.*millimetres"):
+        find_problem("biaxial", load_path=read_load_path(file))
+
+
+@pytest.mark.parametrize(
     ("text", "sentence"),
     [
+        ("time,displacement\n0,0\n1,50\n", r"line 3: .* 50 m: is it in millimetres"),
+        ("time,displacement [kPa]\n0,0\n1,50\n", "displacement is in 'kPa'"),
         ("time,displacement\n0,0\n2,1e-3\n1,2e-3\n", r"not monotone in time: entry 2 is at 1 s"),
         ("time,displacement\n0.5,0\n2,1e-3\n", "begins at 0.5 s"),
         ("time,displacement\n0,0\n2,0\n", "let it begin at 0 and move"),

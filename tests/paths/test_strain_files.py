@@ -1,5 +1,6 @@
 """Path files: every column has one meaning, every fault is named by row and column."""
 
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -182,3 +183,56 @@ def test_an_answer_is_a_record_like_any_other(tmp_path):
         assert ds["memory"].attrs["units"] == "1"
         # float32 in files
         np.testing.assert_allclose(ds["strain"].values, strain, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "factors"),
+    [
+        ("eps_11 [%],sig_22 [kPa],sig_33 (kN/m²)\n1,100,100\n2,100,120\n", (1e-2, 1e3, 1e3)),
+        ("eps_11;sig_22;sig_33\n%;bar;psi\n1;100;100\n2;100;120\n", (1e-2, 1e5, 6894.757293)),
+        ("eps_11 [-],sig_22 [Pa],sig_33 [Pa]\n0,100,100\n0.2,100,120\n", (1.0, 1.0, 1.0)),
+        ("eps_11 [µε] sig_22 [kg/cm2] sig_33 [t/m2]\n1 100 100\n2 100 120\n",
+         (1e-6, 98066.5, 9806.65)),
+    ],
+)  # fmt: skip
+def test_units_in_the_header_are_turned_into_si(text, factors, table):
+    found = table(text)
+    last = [
+        float(cell) for cell in text.split("\n")[-2].replace(";", ",").replace(" ", ",").split(",")
+    ]
+    np.testing.assert_allclose(found.values[-1], np.multiply(last, factors), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("eps_11,sig_22,sig_33\n0,100,100\n0.005,100,100\n", r"sig_22 .*kPa.*sig_22 \[kPa\]"),
+        ("eps_xx,eps_yy,sig_xy\n0,0,0\n0.005,0,20\n", r"sig_xy .*kPa"),
+        ("sig_11,sig_22,sig_33\n0.1,0.1,0.1\n0.3,0.1,0.1\n", r"sig_11 .*kPa"),
+        ("eps_11 [mm],eps_22,eps_33\n0,0,0\n1,0,0\n", "eps_11 is in 'mm'"),
+        ("eps_11 [kPa],eps_22,eps_33\n0,0,0\n1,0,0\n", "eps_11 is in 'kPa'"),
+        ("eps_11,sig_22 [pounds],sig_33\n0,1e5,1e5\n1,1e5,1e5\n", "sig_22 is in 'pounds'"),
+        ("eps_11,eps_22,eps_33\n0,0,0\n5,0,0\n", r"eps_11 holds 5.*eps_11 \[%\]"),
+    ],
+)
+def test_a_unit_that_is_missing_unknown_or_wrong_is_asked_about(text, named, table):
+    with pytest.raises(ConfigurationError, match=named):
+        table(text)
+
+
+def test_a_held_stress_that_falls_to_a_thousandth_at_once_is_asked_about(table):
+    start = np.full(3, 2e6)
+    text = "eps_11,sig_22,sig_33\n0,2000,2000\n0.01,2000,2000\n"
+    with pytest.raises(ConfigurationError, match=r"line 2.*sig_22 holds 2000 Pa.*2e\+06 Pa.*kPa"):
+        table(text).control(start)
+    # Who states the unit is believed, and a slow release is a test.
+    table(text.replace("sig_22", "sig_22 [Pa]").replace("sig_33", "sig_33 [Pa]")).control(start)
+    table("eps_11,sig_22,sig_33\n0,2e6,2e6\n0,2e4,2e4\n").control(start)
+
+
+def test_columns_of_dates_and_remarks_are_no_part_of_a_path(table):
+    found = table(
+        "Zeit;eps_11;sig_22;sig_33;Bemerkung\n10:00;0;1e5;1e5;\n10:01;0,01;1e5;1e5;Ende\n"
+    )
+    assert found.columns == ("eps_11", "sig_22", "sig_33")
+    np.testing.assert_array_equal(found.values[1], [0.01, 1e5, 1e5])
