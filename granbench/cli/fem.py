@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from granbench.cli.drive_options import scalars_at_start
-from granbench.cli.options import require_writable
+from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import note, print_json
 from granbench.cli.termination import stopped_by_sigterm
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
     from granbench.cell import MaterialCell
     from granbench.fem import Analysis, ExplicitSettings, ImplicitSettings, Problem
+
+MOST_OUTPUTS = 100_000
+"""Each takes all that is recorded at every Gauss point."""
 
 EXPLICIT_ONLY = ("damping", "safety", "time_step", "modulus")
 IMPLICIT_ONLY = ("scheme",)
@@ -80,7 +83,10 @@ def fem(
         typer.Option("--start", metavar="NAME=VALUE", help="Else known, as grading_index=1.06."),
     ] = None,
     outputs: Annotated[
-        int | None, typer.Option("--outputs", help="Output steps; implicit: load steps. 100.")
+        int | None,
+        typer.Option(
+            "--outputs", max=MOST_OUTPUTS, help="Output steps; implicit: load steps. 100."
+        ),
     ] = None,
     damping: Annotated[
         float | None, typer.Option("--damping", help="gamma of the explicit solver; 1.")
@@ -92,7 +98,7 @@ def fem(
         float | None, typer.Option("--safety", help="Of the explicit time step; 0.2.")
     ] = None,
     modulus: Annotated[
-        float | None,
+        str | None,
         typer.Option("--modulus", metavar="PA", help="For the time step, not that of the model."),
     ] = None,
     scheme: Annotated[
@@ -115,11 +121,21 @@ def fem(
 ) -> None:
     """Analyse a boundary-value problem with a model, and write all that happened in it."""
     _check_targets(out, vtu, plot)
+    for option, file in (
+        ("--cell", Path(cell)), ("--params", params), ("--task", Path(task)),
+        ("--mesh", None if mesh is None else Path(mesh)),
+        *(("--choose", Path(text.partition("=")[2])) for text in choose or ()),
+    ):  # fmt: skip
+        for target in (out, plot):
+            if target is not None:
+                refuse_overwriting(target, option, file)
     from granbench.fem.problems import chosen_from_text
+    from granbench.quantity_text import pressure_from_text
 
     chosen = chosen_from_text(problem, choose or ())
     settings = _settings(
-        chosen, solver, damping=damping, time_step=time_step, safety=safety, modulus=modulus,
+        chosen, solver, damping=damping, time_step=time_step, safety=safety,
+        modulus=None if modulus is None else pressure_from_text("--modulus ", modulus),
         scheme=scheme, outputs=outputs,
     )  # fmt: skip
     chosen.mesh(mesh)  # an unknown one is said before a model is made

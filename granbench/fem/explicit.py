@@ -66,13 +66,14 @@ def solve_explicit(
     points.ask_at_rest()
     step = choose_time_step(operators, points, settings)
     end = loading.loading.drive.end
-    per_output = max(1, math.ceil(end / step.chosen / settings.outputs - 1e-9))
-    total = per_output * settings.outputs
-    if total > MOST_STEPS:
+    wanted = end / step.chosen
+    if not wanted <= MOST_STEPS:
         raise ConfigurationError(
-            f"a loading of {end:.3g} s in time steps of {step.chosen:.3g} s takes {total:.3g} of "
+            f"a loading of {end:.3g} s in time steps of {step.chosen:.3g} s takes {wanted:.3g} of "
             f"them, more than {MOST_STEPS:.0g}; load faster or shorter"
         )
+    per_output = max(1, math.ceil(wanted / settings.outputs - 1e-9))
+    total = per_output * settings.outputs
     motion.set_time_step(end / total)
     for output in range(1, settings.outputs + 1):
         # Nothing asks for a gradient from here on, and torch then keeps no account of its calls.

@@ -12,6 +12,10 @@ from granbench.errors import ConfigurationError
 from granbench.fem.gauss_points import GaussPoints
 from granbench.fem.operators import Operators
 
+LARGEST_DAMPING = 1e4
+LARGEST_MODULUS = 1e15
+"""Of Eq 5.9, Pa."""
+
 
 def require_whole(settings: object, *names: str) -> None:
     """Refuse settings that count something and are no whole number, or None.
@@ -66,9 +70,11 @@ class ExplicitSettings:
             value = getattr(self, name)
             if value is not None and not (0.0 < value < math.inf):
                 raise ConfigurationError(f"{name} is {value:g}; give one above 0")
-        for name in ("damping", "damping_modulus"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise ConfigurationError(f"{name} is {getattr(self, name):g}; give 0 or more")
+        for name, largest in (("damping", LARGEST_DAMPING), ("damping_modulus", LARGEST_MODULUS)):
+            if not 0.0 <= getattr(self, name) <= largest:
+                raise ConfigurationError(
+                    f"{name} is {getattr(self, name):g}; give 0 to {largest:g}"
+                )
 
     @property
     def damping_rate(self) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import abc
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import ClassVar, Self
@@ -18,6 +17,7 @@ from granbench.fem.mesh import Floats, PlaneMesh
 from granbench.fem.mesh_file import is_mesh_file, read_mesh
 from granbench.fem.time_step import ExplicitSettings
 from granbench.paths.confining_pressure import RandomConfinement
+from granbench.plausible import LARGEST_STRAIN, LARGEST_STRESS
 
 CYCLES: Mapping[str, tuple[float, ...]] = {
     "monotonic": (),
@@ -31,6 +31,8 @@ the 10 % of the thesis they are its turning points (Sec 6.4)."""
 CONFINEMENT = 1e5
 """Pa; the thesis' confinement of the models that are defined under compression only."""
 
+LARGEST_SPEED = 1e3
+"""m/s; faster than any wave in soil."""
 
 SAME_BODY = 1e-3
 """Of a body's extent, by which that of a mesh from a file may differ."""
@@ -100,17 +102,21 @@ class Problem(abc.ABC):
                     f"{self.name}: {name} cannot be {getattr(self, name)!r}; choose "
                     f"{' or '.join(known)}"
                 )
-        for name, largest in (("end_strain", 1.0), ("speed", math.inf)):
+        for name, largest, unit in (
+            ("end_strain", LARGEST_STRAIN, " (0.1 is 10 %)"),
+            ("speed", LARGEST_SPEED, " m/s"),
+        ):
             value = getattr(self, name)
             if not (0.0 < value < largest):
                 raise ConfigurationError(
-                    f"{self.name}: {name} is {value:g}; give one above 0"
-                    + (f" and below {largest:g}" if largest < math.inf else ", in m/s")
+                    f"{self.name}: {name} is {value:g}; give one above 0 and below "
+                    f"{largest:g}{unit}"
                 )
         given = 0.0 if isinstance(self.confinement, RandomConfinement) else self.confinement
-        if given is not None and not 0.0 <= given < math.inf:
+        if given is not None and not 0.0 <= given <= LARGEST_STRESS:
             raise ConfigurationError(
-                f"{self.name}: a confinement of {given:g} Pa is no pressure; give 0 or more"
+                f"{self.name}: a confinement of {given:g} Pa is not possible; give 0 to "
+                f"{LARGEST_STRESS:g} Pa (1e5 is 100 kPa)"
             )
 
     @property
