@@ -282,6 +282,8 @@ def drive(
         Naming the row, or path and step, where the model cannot follow, where a soil would have
         no voids left, or where the work exceeds its bound.
     """
+    if not 0.0 < patience < np.inf:
+        raise ConfigurationError(f"patience is {patience:g}; give a finite number above 0")
     done = 0
 
     def advance(step: int) -> None:

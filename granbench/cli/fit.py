@@ -1,7 +1,7 @@
 """`granbench fit`: fit a classical model to laboratory tests of one's own."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,6 +21,7 @@ from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import print_json, show
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError
+from granbench.folder_lock import locked_folder
 from granbench.whole_file import whole_folder
 
 if TYPE_CHECKING:
@@ -178,7 +179,11 @@ def fit(
     if settings.free is None:
         _require_shear(tests, [parameter.name for parameter in cell.parameter_table])
     total = settings.effort.adam_iterations + settings.effort.iterations
-    with stopped_by_sigterm("to begin anew"), whole_folder(out, ConfigurationError) as folder:
+    with (
+        stopped_by_sigterm("to begin anew"),
+        locked_folder(out, ConfigurationError) if out.is_dir() else nullcontext(),
+        whole_folder(out, ConfigurationError) as folder,
+    ):
         with _bar(total, model, quiet or as_json) as advance:
             found = fitted(cell, tests, settings, left_out=left_out, on=advance)
         report = report_of(found, settings, tests, left_out)
