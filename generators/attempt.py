@@ -19,7 +19,6 @@ CHECK_INTERVAL = 0.2
 EXPLAIN_TIME = 60.0
 MESSAGE_LENGTH = 2000
 LEAST_FREE_BYTES = 1 << 20
-CRASHES = (signal.SIGSEGV, signal.SIGABRT, signal.SIGFPE, signal.SIGILL, signal.SIGBUS)
 
 
 @dataclass(frozen=True)
@@ -50,20 +49,22 @@ class Outcome:
 
     Attributes
     ----------
-    kind : `done`; `failed`: the job itself failed, and would again; `killed`: something outside
-        ended it, another attempt may succeed; `closed`: the worker does not see the run's folder,
-        or it was closed; `blocked`: the machine cannot go on, such as with a full disk
+    kind : `done`; `failed`: the job's function raised an exception; `killed`: its process ended
+        without an explanation by the job itself, so that another attempt may succeed; `closed`:
+        the worker does not see the run's folder, or it was closed; `blocked`: the machine cannot
+        go on, such as with a full disk
     reason : one sentence, empty when done
     seconds : wall-clock time of the attempt
     messages : the last that the job's process wrote to its standard output and error
-    permanent : whether a later command must not try again by itself
+    physical : whether the job itself explains its failure, such as by a limit of its physics, so
+        that every further attempt would fail in the same way
     """
 
     kind: Literal["done", "failed", "killed", "closed", "blocked"]
     reason: str = ""
     seconds: float = 0.0
     messages: str = ""
-    permanent: bool = False
+    physical: bool = False
 
 
 def run_attempt(request: Request) -> Outcome:
@@ -103,28 +104,47 @@ def run_attempt(request: Request) -> Outcome:
 
 
 def _judge(request: Request, attempt: Path, status: int, seconds: float) -> Outcome:
-    told = _read_outcome(attempt)
+    written = _read_outcome(attempt)
     messages = _last_messages(attempt / "stderr.txt")
-    if status == 0 and told is not None:
+    if status == 0 and written is not None:
         return Outcome("done", seconds=seconds, messages=messages)
     full = shutil.disk_usage(request.run).free < LEAST_FREE_BYTES
-    if full or (told is not None and told.get("cause") == "disk"):
+    if full or (written is not None and written.get("cause") == "disk"):
         return Outcome("blocked", f"no space is left on the disk of {request.run}")
     if status < 0:
-        name = signal.Signals(-status).name
-        crash = -status in CRASHES
-        reason = f"its process {'crashed' if crash else 'was killed'} ({name})"
-        return Outcome("killed", reason, seconds, messages, permanent=crash)
-    if told is not None and told["error"] is not None:
-        if told["cause"] == "code":
-            return Outcome("blocked", f"{told['error']} (in {request.job['function']})")
-        if told["cause"] == "memory":
-            return Outcome("killed", told["error"], seconds, messages)
-        return Outcome("failed", told["error"], seconds, messages, permanent=True)
+        reason = f"its process was ended by {_signal_name(-status)}"
+        return Outcome("killed", reason, seconds, messages)
+    if written is not None and written["error"] is not None:
+        return _judge_exception(request, written, seconds, messages)
+    # The process ended without an exception. Either an engine did that, which explains it in its
+    # log, or the cause is outside: a helper process of the engine's MPI that was killed, say.
     _run_process(request, attempt, explain=True)
-    explained = (_read_outcome(attempt) or {}).get("explanation")
-    reason = explained or f"its process ended with exit code {status} before the job was finished"
-    return Outcome("failed", " ".join(reason.split()), seconds, messages, permanent=True)
+    answer = _read_outcome(attempt) or {}
+    if answer.get("explanation"):
+        reason = " ".join(answer["explanation"].split())
+        return Outcome("failed", reason, seconds, messages, physical=True)
+    reason = answer.get("error") or (
+        f"its process ended with exit code {status} before the job was finished"
+    )
+    return Outcome("killed", reason, seconds, messages)
+
+
+def _judge_exception(
+    request: Request, written: dict[str, Any], seconds: float, messages: str
+) -> Outcome:
+    reason, cause = written["error"], written["cause"]
+    if cause == "code":
+        return Outcome("blocked", f"{reason} (in {request.job['function']})")
+    if cause in ("memory", "system"):
+        return Outcome("killed", reason, seconds, messages)
+    return Outcome("failed", reason, seconds, messages, physical=cause == "physics")
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:  # real-time signals have no names of their own
+        return f"signal {number}"
 
 
 def _run_process(request: Request, attempt: Path, *, explain: bool) -> int:

@@ -2,7 +2,8 @@
 
 A job is a pure function of its configuration and seed and of the results of the jobs that it
 needs. It runs in a process of its own and leaves a folder of files, which appears whole or not at
-all. Whatever is killed, running the campaign again continues it and gives the same files.
+all. Whatever is killed or damaged, running the campaign again continues it and gives the same
+files.
 """
 
 import queue
@@ -16,7 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as RichProgress
 
-from granbench.errors import ConfigurationError
+from granbench.errors import ConfigurationError, EngineError
 from granbench.generators.attempt import Outcome, Request
 from granbench.generators.campaign_folder import CampaignFolder
 from granbench.generators.schedule import Job, Schedule, digests
@@ -25,6 +26,8 @@ from granbench.generators.workers import DaskWorkers, LocalWorkers, find_schedul
 __all__ = ["CampaignReport", "Job", "run_campaign"]
 
 ATTEMPTS = 3
+"""How often a job is started in one run whose process ends without an explanation."""
+JOBS_NAMED = 3
 BAR_WIDTH = 24
 COLUMNS_WIDTH = 32
 
@@ -39,14 +42,47 @@ class CampaignReport:
     ----------
     done : result folder of every finished job, in the order of the jobs
     failed : reason, by key, of every job without a result
+    physical : those of `failed` that ended by their own physics, or that need one which did;
+        trying again would not help
     skipped : the finished jobs whose results were there before
-    spared : jobs without a result that was needed, as all that need them were finished before
+    not_needed : jobs without a result that nobody needed, as all their users were finished before
+    damaged : what was wrong, by key, with results that were found damaged and made again
     """
 
     done: dict[str, Path]
     failed: dict[str, str]
+    physical: frozenset[str]
     skipped: tuple[str, ...]
-    spared: tuple[str, ...]
+    not_needed: tuple[str, ...]
+    damaged: dict[str, str]
+
+    def require_every_result(self, dataset: str, *, physical_failures: bool = False) -> None:
+        """Make sure that a dataset is not written without the jobs that it consists of.
+
+        Parameters
+        ----------
+        dataset : name for the error
+        physical_failures : whether the design of the dataset leaves out jobs that ended by their
+            own physics
+
+        Raises
+        ------
+        EngineError : a job has no result; the text names the jobs and the remedy
+        """
+        excused = self.physical if physical_failures else frozenset()
+        missing = {key: reason for key, reason in self.failed.items() if key not in excused}
+        if not missing:
+            return
+        first = [f"{key} ({reason})" for key, reason in list(missing.items())[:JOBS_NAMED]]
+        more = len(missing) - len(first)
+        names = "; ".join([*first, f"and {more} more"] if more else first)
+        again = "run the same command again, which runs only what is missing"
+        if missing.keys() <= self.physical:
+            again = "change what the jobs are asked for, or add --retry-failed to try them again"
+        raise EngineError(
+            f"{dataset} is incomplete and was not written: {len(missing)} of "
+            f"{len(self.failed) + len(self.done)} jobs have no result: {names}; {again}"
+        )
 
 
 def run_campaign(
@@ -67,7 +103,7 @@ def run_campaign(
     workers : jobs at a time on this machine
     scheduler : address of a dask scheduler whose workers take the jobs instead
     progress : a bar on the screen, or nothing
-    retry_failed : try jobs again that failed by themselves in an earlier run
+    retry_failed : also try jobs again that ended by their own physics in an earlier run
 
     Returns
     -------
@@ -108,7 +144,9 @@ class _Campaign:
         self.digests = digests(schedule)
         self.done: set[str] = set()
         self.failed: dict[str, str] = {}
-        self.spared: set[str] = set()
+        self.physical: set[str] = set()
+        self.damaged: dict[str, str] = {}
+        self.not_needed: set[str] = set()
         self.skipped: tuple[str, ...] = ()
         self.running: dict[str, None] = {}
         self._tries = dict.fromkeys(schedule.jobs, 0)
@@ -122,34 +160,40 @@ class _Campaign:
             for earlier in (result, failure):
                 if earlier is not None and earlier["digest"] != self.digests[key]:
                     raise ConfigurationError(_difference(job, earlier, self.place.root))
-            if result is not None:
+            if damage := self.place.damage(job.slug, result):
+                self.damaged[key] = damage
+                self.place.log(f"damaged {key}: {damage}; it is run again")
+                self.place.discard(job.slug)
+            elif result is not None:
                 self.done.add(key)
                 self.schedule.finish(key)
-            elif failure is not None and failure["permanent"] and not retry_failed:
+            elif failure is not None and failure.get("physical") is True and not retry_failed:
                 failures[key] = failure["reason"]
         self.skipped = tuple(key for key in self.schedule.jobs if key in self.done)
         for key, reason in failures.items():
             if key not in self.failed:
                 self.failed[key] = reason
+                self.physical.add(key)
                 self._stop_users(key)
-        self._spare()
+        self._leave_out()
 
-    def _spare(self) -> None:
+    def _leave_out(self) -> None:
         """Leave out jobs whose results only served others that need nothing any more.
 
         So a campaign can be continued on another machine from its final results alone, without
         the bulky ones (the restart files of a specimen) in between.
         """
         for key in reversed(self.schedule.order):
-            settled = self.done | self.failed.keys() | self.spared
+            settled = self.done | self.failed.keys() | self.not_needed
             users = self.schedule.users(key)
-            if users and key not in settled and settled.issuperset(users):
-                self.spared.add(key)
+            absent = key not in settled and key not in self.damaged
+            if users and absent and settled.issuperset(users):
+                self.not_needed.add(key)
                 self.schedule.drop(key)
 
     def open_count(self) -> int:
         """Return how many jobs are still to be run."""
-        return len(self.schedule.jobs) - len(self.done) - len(self.failed) - len(self.spared)
+        return len(self.schedule.jobs) - len(self.done) - len(self.failed) - len(self.not_needed)
 
     def run(self, team: LocalWorkers | DaskWorkers, run: Path, show: Callable[[], None]) -> None:
         """Hand every job that can run to the workers, and take in how it ended."""
@@ -175,7 +219,9 @@ class _Campaign:
             done={k: self.place.results / job.slug for k, job in jobs.items() if k in self.done},
             failed={key: self.failed[key] for key in jobs if key in self.failed},
             skipped=self.skipped,
-            spared=tuple(key for key in jobs if key in self.spared),
+            physical=frozenset(self.physical),
+            not_needed=tuple(key for key in jobs if key in self.not_needed),
+            damaged={key: self.damaged[key] for key in jobs if key in self.damaged},
         )
 
     def _request(self, job: Job, run: Path) -> Request:
@@ -210,19 +256,21 @@ class _Campaign:
             )
         else:
             raise ConfigurationError(
-                f"job {job.key} cannot be run: {outcome.reason}; mend that and run the same "
+                f"job {job.key} cannot be run: {outcome.reason}; correct that and run the same "
                 "command again to continue"
             )
 
     def _record_failure(self, job: Job, reason: str, outcome: Outcome) -> None:
         self.failed[job.key] = reason
+        if outcome.physical:
+            self.physical.add(job.key)
         self.place.record_failure(
             job.slug,
             {
                 "key": job.key,
                 "digest": self.digests[job.key],
                 "reason": reason,
-                "permanent": outcome.permanent,
+                "physical": outcome.physical,
                 "seconds": round(outcome.seconds, 3),
                 "messages": outcome.messages,
                 "needs": sorted(job.needs),
@@ -232,9 +280,11 @@ class _Campaign:
         self.place.log(f"failed {job.key} {outcome.seconds:.1f} s: {reason}")
 
     def _stop_users(self, key: str) -> None:
-        # Not permanent: when the need succeeds in a later run, they run as well.
+        # Recorded as not physical: when the need succeeds in a later run, they run as well.
         for user, need in self.schedule.fail(key):
             job, reason = self.schedule.jobs[user], f"needs {need}, which failed"
+            if need in self.physical:
+                self.physical.add(user)
             known = self.place.failure(job.slug)
             if known is not None and known["reason"] == reason:
                 self.failed[user] = reason

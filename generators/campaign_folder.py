@@ -2,19 +2,20 @@
 
 ::
 
-    results/<slug>/    one finished job: its files and job.json; appears whole or not at all
+    results/<slug>/    one finished job: its files and job.json, which lists them with their
+                       SHA-256; appears whole or not at all
     failed/<slug>.json why a job has no result
-    attempts/<run>/    what the running command works on; worth nothing after it
+    attempts/<run>/    what the running command works on; removed after it
     campaign.log       one line a job
     lock               held by the one command that writes here
 """
 
 import contextlib
 import fcntl
-import json
 import os
 import shutil
 import socket
+import stat
 import time
 import uuid
 from collections.abc import Iterator
@@ -22,7 +23,8 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from granbench.errors import ConfigurationError
-from granbench.whole_file import FULL_DISK
+from granbench.generators.sealed_record import FILES, damage, digests_of, read_record, sealed
+from granbench.whole_file import FULL_DISK, whole_file
 
 RESULT_FILE = "job.json"
 OPEN_FILE = "open"
@@ -71,14 +73,14 @@ class CampaignFolder:
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep other commands out of the folder; the lock falls with the process that holds it.
+        """Keep other commands out of the folder; the lock ends with the process that holds it.
 
         Raises
         ------
         ConfigurationError : another command holds the folder
         """
         with self.explained_errors():
-            lock = open(self.root / "lock", "a+")  # noqa: SIM115
+            lock = open(self.root / "lock", "a+", opener=_regular)  # noqa: SIM115
         with lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -115,26 +117,47 @@ class CampaignFolder:
 
     def _close_runs(self) -> None:
         for run in self.attempts.iterdir():
-            close_run(run)
-            shutil.rmtree(run, ignore_errors=True)
+            if run.is_dir() and not run.is_symlink():
+                close_run(run)
+                shutil.rmtree(run, ignore_errors=True)
 
     def result(self, slug: str) -> dict[str, Any] | None:
-        """Return the job.json of a finished job, or None when there is no whole result."""
-        return _read(self.results / slug / RESULT_FILE)
+        """Return the job.json of a finished job, or None when there is none that can be read."""
+        return read_record(self.results / slug / RESULT_FILE)
+
+    def damage(self, slug: str, result: dict[str, Any] | None) -> str | None:
+        """Say what is wrong with the result of a job; None where it is whole or not there.
+
+        Parameters
+        ----------
+        slug : of the job
+        result : what `result` gives
+        """
+        folder = self.results / slug
+        if not os.path.lexists(folder):
+            return None
+        if result is None:
+            return f"its {RESULT_FILE} is missing or damaged"
+        return damage(folder, result)
+
+    def discard(self, slug: str) -> None:
+        """Remove a damaged result."""
+        _remove(self.results / slug)
 
     def failure(self, slug: str) -> dict[str, Any] | None:
-        """Return the record of a failed job, or None."""
-        return _read(self.failed / f"{slug}.json")
+        """Return the record of a failed job, or None when there is none that can be read."""
+        record = read_record(self.failed / f"{slug}.json")
+        return record if record is not None and isinstance(record.get("reason"), str) else None
 
     def record_failure(self, slug: str, record: dict[str, Any]) -> None:
         """Write why a job failed, in place of what was known before."""
-        draft = self.failed / f"{slug}.json.part"
-        draft.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
-        os.replace(draft, self.failed / f"{slug}.json")
+        self.forget_failure(slug)
+        with whole_file(self.failed / f"{slug}.json", ConfigurationError) as draft:
+            draft.write_text(sealed(record))
 
     def forget_failure(self, slug: str) -> None:
         """Remove the record of a failure that no longer holds."""
-        (self.failed / f"{slug}.json").unlink(missing_ok=True)
+        _remove(self.failed / f"{slug}.json")
 
     def log(self, line: str) -> None:
         """Add one line with the time to campaign.log."""
@@ -152,7 +175,7 @@ def publish(out: Path, results: Path, slug: str, record: dict[str, Any]) -> None
     record : content of job.json; where a result with the same digest is there already (another
         attempt at the same job was faster) that one stays
     """
-    (out / RESULT_FILE).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
+    (out / RESULT_FILE).write_text(sealed(record | {FILES: digests_of(out)}))
     # A rename may reach the disk before what it names: without this, a power cut could leave
     # an empty file in a result that counts as whole.
     for file in out.rglob("*"):
@@ -163,9 +186,9 @@ def publish(out: Path, results: Path, slug: str, record: dict[str, Any]) -> None
     try:
         os.rename(out, final)
     except OSError:
-        present = _read(final / RESULT_FILE)
+        present = read_record(final / RESULT_FILE)
         if present is None:
-            shutil.rmtree(final)
+            _remove(final)
             os.rename(out, final)
         elif present["digest"] != record["digest"]:
             raise
@@ -181,11 +204,21 @@ def close_run(run: Path) -> None:
     (run / OPEN_FILE).unlink(missing_ok=True)
 
 
-def _read(path: Path) -> dict[str, Any] | None:
-    try:
-        return json.loads(path.read_text())
-    except (OSError, ValueError):
-        return None
+def _remove(path: Path) -> None:
+    """Remove a file, a link or a folder, if it is there."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _regular(path: str, flags: int) -> int:
+    """Open a lock file, but no link and nothing that is not a file."""
+    descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise OSError(f"{path} is not a file")
+    return descriptor
 
 
 def _holder(lock: TextIO) -> str:

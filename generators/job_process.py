@@ -52,6 +52,10 @@ def main() -> int:
             cause = "memory"
         elif isinstance(error, OSError) and error.errno in FULL_DISK:
             cause = "disk"
+        elif isinstance(error, OSError) and cause == "job":
+            cause = "system"
+        elif cause == "job" and isinstance(error, getattr(job_module, "PHYSICAL_FAILURES", ())):
+            cause = "physics"
         outcome = {"error": one_sentence(error), "cause": cause}
         traceback.print_exc()
     Path(request["outcome"]).write_text(json.dumps(outcome))

@@ -24,8 +24,10 @@ class Job:
     key : unique name: letters, digits and ``. + = -``, in words joined by ``_`` or ``/``
     function : ``module:function``, called as ``function(configuration, seed, inputs, out)``
         with `inputs` the result folder (Path) of each needed job by key and `out` the folder
-        (Path) to write to. Where the process ends without an exception, as LIGGGHTS makes it
-        do, ``failure_reason(out) -> str | None`` of the same module says why.
+        (Path) to write to. The same module may say which failures are of the job's own making,
+        so that trying again is useless: exceptions in its tuple ``PHYSICAL_FAILURES``, and, where
+        the process ends without an exception as LIGGGHTS makes it do, a sentence that
+        ``failure_reason(out) -> str | None`` gives.
     configuration : JSON values; everything, but for the seed, that the result depends on
     seed : of all the random numbers of the job
     needs : keys of the jobs whose results this one reads

@@ -26,9 +26,14 @@ from typing import Any, ParamSpec, TypeVar
 from granbench.errors import GranbenchError
 
 LONGEST_READ = 60.0
-"""Seconds of wall clock that reading one file may take."""
-MOST_MEMORY = 2 * 2**30
-"""Bytes that the process which reads one file may allocate beyond what it starts with."""
+"""Seconds of wall clock that reading a small file may take."""
+LONGEST_COMPUTATION = 8.0
+"""Seconds of processor time that reading a small file may take."""
+SECONDS_PER_BYTE = 1e-5
+"""By which both grow with the size of the file: 10 s a megabyte, far more than any needs."""
+MOST_MEMORY = 3 * 2**29
+"""Bytes that the process which reads one file may allocate beyond what it starts with: with the
+libraries it stays below 2 GB."""
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -37,9 +42,18 @@ _BOOT = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from granbench.bounded_reading import serve; serve()"
 )
+_preparations: list[Callable[[], object]] = []
 _lock = threading.Lock()
 _server: tuple[int, "subprocess.Popen[bytes]"] | None = None
 """The process that started the server (a fork must not share it), and the server."""
+
+
+def prepare_server(function: Callable[[], object]) -> None:
+    """Register what the server calls once, after the import of the module that registers it.
+
+    What a library loads at its first use would be loaded for every file again.
+    """
+    _preparations.append(function)
 
 
 def read_bounded(
@@ -49,11 +63,15 @@ def read_bounded(
     *arguments: P.args,
     **options: P.kwargs,
 ) -> T:
-    """Call a function that reads a file in a child process within `LONGEST_READ`, `MOST_MEMORY`.
+    """Call a function that reads a file in a child process with bounds on time and memory.
+
+    The bounds are `LONGEST_READ` and `LONGEST_COMPUTATION`, both extended with the size of the file
+    by `SECONDS_PER_BYTE`, and `MOST_MEMORY`.
 
     Parameters
     ----------
-    source : the file, as errors name it
+    source : the file, as errors name it; relative paths, here and among the arguments, begin at
+        the working folder of this process
     error : what a file that breaks a bound or the reader is raised as
     function : function at the top level of a module; what it imports is imported once in the
         server, so it should be a module without torch
@@ -74,7 +92,7 @@ def read_bounded(
     os.close(handle)
     try:
         with _lock:
-            outcome = _ask(answer_file, request)
+            outcome = _ask(answer_file, request, _size(source) * SECONDS_PER_BYTE)
         if outcome == "answered":
             with open(answer_file, "rb") as file:
                 kind, answer = pickle.load(file)
@@ -89,12 +107,20 @@ def read_bounded(
     raise error(f"{source}: cannot be read: {outcome}")
 
 
-def _ask(answer_file: str, request: bytes) -> str:
+def _size(source: Path | str) -> int:
+    try:
+        return os.stat(source).st_size
+    except (OSError, ValueError):
+        return 0
+
+
+def _ask(answer_file: str, request: bytes, extra: float) -> str:
     """Send one request to the server; ``answered``, or why there is no answer."""
+    bounds = LONGEST_READ + extra, LONGEST_COMPUTATION + extra, MOST_MEMORY
+    head = json.dumps([answer_file, len(request), os.getcwd(), *bounds]).encode()
     for attempt in (0, 1):
         server = _running_server()
         assert server.stdin is not None and server.stdout is not None
-        head = json.dumps([answer_file, len(request), LONGEST_READ, MOST_MEMORY]).encode()
         try:
             server.stdin.write(head + b"\n" + request)
             server.stdin.flush()
@@ -147,16 +173,22 @@ def serve() -> None:
     # What a library prints must not be taken for an answer.
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     while line := requests.readline():
-        answer_file, length, seconds, memory = json.loads(line)
-        outcome = _serve_one(requests.read(length), answer_file, seconds, memory)
+        answer_file, length, folder, *bounds = json.loads(line)
+        with contextlib.suppress(OSError):
+            os.chdir(folder)
+        outcome = _serve_one(requests.read(length), answer_file, *bounds)
         answers.write(json.dumps(outcome).encode() + b"\n")
         answers.flush()
 
 
-def _serve_one(request: bytes, answer_file: str, seconds: float, memory: int) -> str:
+def _serve_one(
+    request: bytes, answer_file: str, seconds: float, computation: float, memory: int
+) -> str:
     with contextlib.suppress(Exception):
         # Imported before the fork, so that the next file finds the libraries loaded.
         importlib.import_module(pickle.loads(request)[0])
+        while _preparations:
+            _preparations.pop()()
     if not hasattr(os, "fork"):
         _answer(request, answer_file)
         return "answered"
@@ -165,6 +197,7 @@ def _serve_one(request: bytes, answer_file: str, seconds: float, memory: int) ->
         code = 1
         try:
             signal.setitimer(signal.ITIMER_REAL, seconds)
+            signal.setitimer(signal.ITIMER_PROF, computation)
             _bound_memory(memory)
             _answer(request, answer_file)
             code = 0
@@ -174,7 +207,12 @@ def _serve_one(request: bytes, answer_file: str, seconds: float, memory: int) ->
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)
         if number == signal.SIGALRM:
-            return f"it takes longer than {seconds:g} s; the file is damaged or too large"
+            return f"it takes longer than {seconds:.3g} s; the file is damaged or too large"
+        if number == signal.SIGPROF:
+            return (
+                f"it takes longer than {computation:.3g} s of computation; the file is damaged or "
+                "too large"
+            )
         name = signal.Signals(number).name
         return f"it ends the process that reads it ({name}); the file is damaged or too large"
     return "answered" if os.WEXITSTATUS(status) == 0 else _too_large(memory)

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from granbench import __version__
 from granbench.cell import MaterialCell
+from granbench.cell_check import checked_cell, spread_rows
 from granbench.driven_model import ModelChoice
 from granbench.element_test import ElementTest, Failure, run_test
 from granbench.errors import ConfigurationError
@@ -26,6 +27,7 @@ from granbench.tensors import (
     mean_stress,
     normal_mask,
 )
+from granbench.user_code import user_code
 from granbench.work_budget import WorkExceeded, work_budget
 
 NO_TENSION = 1e-6
@@ -222,12 +224,14 @@ class Answer:
     test : the run
     records : as stress-strain records, the reference step included; float64
     added : steps before the first row of the file that was driven along
+    notes : on what was put right of the cell, see `granbench.cell_check`
     """
 
     order: str
     test: ElementTest
     records: xr.Dataset
     added: int
+    notes: tuple[str, ...] = ()
 
     def rows(self) -> tuple[Floats, Floats, dict[str, Floats]]:
         """Strain, stress (row, component) and internals (row,) of the first path."""
@@ -281,6 +285,8 @@ def drive(
     ConfigurationError
         Naming the row, or path and step, where the model cannot follow, where a soil would have
         no voids left, or where the work exceeds its bound.
+    ModelError
+        If the cell does not pass its check, or raises an error.
     """
     if not 0.0 < patience < np.inf:
         raise ConfigurationError(f"patience is {patience:g}; give a finite number above 0")
@@ -293,7 +299,11 @@ def drive(
             on_step(step)
 
     try:
-        with work_budget(patience * (WORK_OF_A_RUN + WORK_OF_A_STEP * course.control.steps)):
+        with (
+            checked_cell(cell, state[spread_rows(len(state))]) as check,
+            user_code(f"{cell.name} failed"),
+            work_budget(patience * (WORK_OF_A_RUN + WORK_OF_A_STEP * course.control.steps)),
+        ):
             test = run_test(cell, course.control, state, tolerance=tolerance, on_step=advance)
     except WorkExceeded:
         stress = state[:, cell.layout["stress"]].double().numpy()
@@ -321,7 +331,7 @@ def drive(
     if course.records is not None:
         kept = {name: course.records[name].variable for name in CARRIED}
         records = records.assign_coords(kept)
-    return Answer(cell.order, test, records, course.added)
+    return Answer(cell.order, test, records, course.added, check.notes)
 
 
 def _refuse_lost_voids(void_ratio: Floats, course: Course, model: str) -> None:

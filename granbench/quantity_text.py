@@ -8,8 +8,8 @@ import math
 import re
 
 from granbench.errors import ConfigurationError
-from granbench.laboratory.units import is_stress_unit, known_units, unit_factor
 from granbench.plausible import LARGEST_STRAIN, LARGEST_STRESS, SMALLEST_BARE_PRESSURE
+from granbench.units import is_stress_unit, known_units, unit_factor
 
 _WRITTEN = re.compile(
     r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(?P<unit>(?:[^\W\d_]|[%‰]).*?)?\s*",

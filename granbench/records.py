@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from granbench.bounded_reading import read_bounded
 from granbench.errors import DatasetError
+from granbench.netcdf_reading import open_netcdf, require_netcdf
 from granbench.schema import (
     CONVENTIONS,
     REQUIRED_ATTRIBUTES,
@@ -30,10 +32,13 @@ __all__ = [
     "REQUIRED_ATTRIBUTES",
     "SCHEMA",
     "VariableSpec",
+    "attributes_hash",
     "content_hashes",
     "dataset_hash",
     "describe",
+    "mark_as_checked",
     "open_records",
+    "open_records_here",
     "path_blocks",
     "seal",
     "validate_records",
@@ -44,7 +49,22 @@ __all__ = [
 CHUNK_BYTES = 2**18
 """Of one component over some paths, before compression: long runs of like bytes compress well,
 and one path is still read without most of the others."""
-_SIGNATURES = (b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02", b"CDF\x05")
+INFORMATIVE_ATTRIBUTES = (
+    "title",
+    "generator_version",
+    "engine_version",
+    "rounding",
+    "thinning",
+    "tangents",
+    "admissible_scaling",
+)
+"""Global attributes that are there for people, or that name the release which wrote the file:
+another release that makes the same values makes the same dataset."""
+HASHES = ("content_sha256", "configuration_sha256", "sealed_variables")
+_REMEDY = "give a file of stress-strain records, or fetch it again"
+
+_checked: set[tuple[str, int, int, int]] = set()
+"""Files as they were when they were found to be records; see `mark_as_checked`."""
 
 
 def content_hashes(ds: xr.Dataset) -> dict[str, str]:
@@ -76,6 +96,39 @@ def dataset_hash(hashes: Mapping[str, str]) -> str:
     """One SHA-256 over the hashes of all variables, whatever their order."""
     lines = "".join(f"{name} {hashes[name]}\n" for name in sorted(hashes))
     return hashlib.sha256(lines.encode()).hexdigest()
+
+
+def attributes_hash(ds: xr.Dataset) -> str:
+    """One SHA-256 over what a dataset says of itself, apart from its values.
+
+    It covers every global attribute but `INFORMATIVE_ATTRIBUTES` and the `HASHES`: name, version,
+    licence, generator, engine, configuration, thesis section, conventions, and, where they stand,
+    `ground_truth`, `embedded_analyses` and whatever else is there, so that an attribute that was
+    added is found too; and every attribute of every variable, such as `units` and `long_name`, but
+    its hash. Names of attributes and variables may come in any order.
+    """
+    covered = {
+        "global": {
+            name: _plain(value)
+            for name, value in ds.attrs.items()
+            if name not in (*INFORMATIVE_ATTRIBUTES, *HASHES)
+        },
+        "variables": {
+            str(name): {
+                attribute: _plain(value)
+                for attribute, value in variable.attrs.items()
+                if attribute not in HASHES
+            }
+            for name, variable in ds.variables.items()
+        },
+    }
+    text = json.dumps(covered, sort_keys=True, ensure_ascii=False)
+    return hashlib.sha256(text.encode(errors="backslashreplace")).hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    """An attribute as JSON can hold it, whatever type of number a file or a program made of it."""
+    return value if isinstance(value, str) else np.asarray(value).tolist()
 
 
 def _configuration_hash(ds: xr.Dataset) -> str:
@@ -183,7 +236,11 @@ def _chunk(variable: xr.Variable) -> tuple[int, ...]:
 def open_records(
     path: Path | str, *, chunks: int | dict[str, int] | str | None = None
 ) -> xr.Dataset:
-    """Open a file of records lazily and validate it.
+    """Open a file of records lazily; one that is not known to be sound is first read to its end.
+
+    That first reading, `check_records`, is made in a child process with bounds on memory and time;
+    once in a process for a file that does not change, and not for a file that `mark_as_checked`
+    names.
 
     Parameters
     ----------
@@ -198,33 +255,56 @@ def open_records(
     Raises
     ------
     DatasetError
-        If the file is missing, is no netCDF file, or breaks the schema.
+        If the file is missing, is no netCDF file, declares more than it can hold, breaks the
+        schema, or cannot be read within the bounds.
     """
     path = Path(path)
-    if not path.is_file():
-        raise DatasetError(f"{path}: there is no such file; check the name")
-    try:
-        with path.open("rb") as file:
-            head = file.read(8)
-        if not head.startswith(_SIGNATURES):
-            what = f"it begins with {head!r}" if head else "it is empty"
-            raise DatasetError(
-                f"{path}: is not a netCDF file ({what}); give a file of "
-                "stress-strain records, or fetch it again"
-            )
-        ds = xr.open_dataset(path, engine="netcdf4", chunks=chunks)
-    except (OSError, RuntimeError, ValueError) as error:
-        raise DatasetError(
-            f"{path}: cannot be read as netCDF ({error}); the file is damaged, fetch it again"
-        ) from error
-    try:
+    require_netcdf(path, DatasetError, _REMEDY)
+    if _mark(path) not in _checked:
+        read_bounded(path, DatasetError, check_records, path)
+        mark_as_checked(path)
+    return open_netcdf(path, DatasetError, _REMEDY, chunks=chunks)
+
+
+def open_records_here(path: Path) -> xr.Dataset:
+    """As `open_records`, but the first reading is made in this process.
+
+    For functions that are called within `read_bounded`.
+
+    Raises
+    ------
+    DatasetError
+        See `open_records`.
+    """
+    require_netcdf(path, DatasetError, _REMEDY)
+    if _mark(path) not in _checked:
+        check_records(path)
+        mark_as_checked(path)
+    return open_netcdf(path, DatasetError, _REMEDY)
+
+
+def check_records(path: Path) -> None:
+    """Read a file of records to its end and check it against the schema, in this process.
+
+    Raises
+    ------
+    DatasetError
+        See `open_records`.
+    """
+    with open_netcdf(path, DatasetError, _REMEDY) as ds:
         validate_records(ds, str(path))
-    except (OSError, RuntimeError) as error:
-        ds.close()
-        raise DatasetError(
-            f"{path}: cannot be read to its end ({error}); the file is truncated, fetch it again"
-        ) from error
-    except DatasetError:
-        ds.close()
-        raise
-    return ds
+
+
+def mark_as_checked(path: Path) -> None:
+    """Note that a file, as it is now, is known to hold records, so that it is opened at once.
+
+    Parameters
+    ----------
+    path : a file that `check_records` accepted, or whose SHA-256 is that of a registered one
+    """
+    _checked.add(_mark(path))
+
+
+def _mark(path: Path) -> tuple[str, int, int, int]:
+    status = path.stat()
+    return str(path.resolve()), status.st_ino, status.st_size, status.st_mtime_ns

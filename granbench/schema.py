@@ -226,6 +226,15 @@ REQUIRED_ATTRIBUTES = (
     "conventions",
 )
 
+TEXT_ATTRIBUTES = (
+    "content_sha256",
+    "configuration_sha256",
+    "sealed_variables",
+    "ground_truth",
+    "embedded_analyses",
+)
+"""Global attributes that are text where they stand; `REQUIRED_ATTRIBUTES` are text too."""
+
 
 def describe(ds: xr.Dataset) -> xr.Dataset:
     """The dataset with the schema's types, and its `units` and `long_name` where they lack.
@@ -255,16 +264,17 @@ def path_blocks(variable: xr.DataArray) -> Iterator[np.ndarray]:
     DatasetError
         If the file behind it is damaged there.
     """
-    per_row = max(1, int(np.prod(variable.shape[1:])))
+    per_row = max(1, math.prod(variable.shape[1:]))
     rows = max(1, VALUES_PER_BLOCK // per_row)
     pieces = [slice(start, start + rows) for start in range(0, (variable.shape or (1,))[0], rows)]
     for piece in pieces:
         try:
             # A fresh selection leaves xarray's cache of the whole variable empty.
             values = np.asarray(variable[piece].values if variable.ndim else variable.values)
-        except (OSError, RuntimeError) as error:
+        except Exception as error:  # of a damaged file the libraries raise anything
+            reason = " ".join(str(error).split()) or type(error).__name__
             raise DatasetError(
                 f"{variable.encoding.get('source', 'the dataset')}: variable {variable.name!r} "
-                f"cannot be read ({error}); the file is damaged, fetch it again"
+                f"cannot be read ({reason}); the file is damaged, fetch it again"
             ) from error
         yield values

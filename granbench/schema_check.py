@@ -13,10 +13,14 @@ from granbench.schema import (
     REQUIRED_ATTRIBUTES,
     SCHEMA,
     SPLIT_PATTERN,
+    TEXT_ATTRIBUTES,
     VariableSpec,
     path_blocks,
 )
 from granbench.tensors import component_order
+
+LARGEST_LABELS = 2**27
+"""Bytes of the labels of one variable as NumPy holds them: each with the length of the longest."""
 
 
 def validate_records(ds: xr.Dataset, source: str = "the dataset") -> None:
@@ -50,11 +54,7 @@ def validate_records(ds: xr.Dataset, source: str = "the dataset") -> None:
                 f"{source}: variable {name!r} is not part of the schema and has no units and "
                 "long_name; give it both attributes or remove it"
             )
-    if missing := [name for name in REQUIRED_ATTRIBUTES if name not in ds.attrs]:
-        raise DatasetError(
-            f"{source}: global attribute {missing[0]!r} is missing; set it before writing "
-            f"(a dataset needs {', '.join(REQUIRED_ATTRIBUTES)})"
-        )
+    _check_attributes(ds, source)
     _check_components(ds, source)
     _check_labels(ds, source)
     _check_values(ds, source)
@@ -84,6 +84,17 @@ def _check_form(variable: xr.DataArray, name: str, spec: VariableSpec, source: s
         )
 
 
+def _check_attributes(ds: xr.Dataset, source: str) -> None:
+    if missing := [name for name in REQUIRED_ATTRIBUTES if name not in ds.attrs]:
+        raise DatasetError(
+            f"{source}: global attribute {missing[0]!r} is missing; set it before writing "
+            f"(a dataset needs {', '.join(REQUIRED_ATTRIBUTES)})"
+        )
+    for name in (*REQUIRED_ATTRIBUTES, *TEXT_ATTRIBUTES):
+        if not isinstance(ds.attrs.get(name, ""), str):
+            raise DatasetError(f"{source}: global attribute {name!r} is not text; write it as text")
+
+
 def _check_components(ds: xr.Dataset, source: str) -> None:
     labels = tuple(str(label) for label in ds["component"].values)
     try:
@@ -98,6 +109,9 @@ def _check_labels(ds: xr.Dataset, source: str) -> None:
             f"{source}: dimensions path and step have {ds.sizes['path']} and {ds.sizes['step']} "
             "entries; a dataset needs at least one path of two steps"
         )
+    for name, variable in ds.variables.items():
+        if variable.dtype.kind in "OSU" and variable.size:
+            _check_length(variable, str(name), source)
     identifiers, first_rows = np.unique(ds["path_id"].values.astype(str), return_index=True)
     if len(identifiers) < ds.sizes["path"]:
         repeated = min(set(range(ds.sizes["path"])) - set(first_rows.tolist()))
@@ -117,6 +131,15 @@ def _check_labels(ds: xr.Dataset, source: str) -> None:
                 f"{source}: variable 'split' puts specimen {str(specimen)!r} in both "
                 f"{split_of[str(specimen)]!r} and {str(split)!r}; split by specimen"
             )
+
+
+def _check_length(variable: xr.Variable, name: str, source: str) -> None:
+    longest = max(len(str(label)) for label in variable.values.reshape(-1))
+    if 4 * longest * variable.size > LARGEST_LABELS:
+        raise DatasetError(
+            f"{source}: variable {name!r} has {variable.size} labels, one of them with {longest} "
+            f"characters; shorten them to {LARGEST_LABELS // (4 * variable.size)} characters"
+        )
 
 
 def _check_values(ds: xr.Dataset, source: str) -> None:

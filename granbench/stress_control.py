@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from granbench.cell import MaterialCell
+from granbench.cell import FLOATING_FAILURES, MaterialCell
 from granbench.work_budget import spend
 
 ARMIJO = 1e-4
@@ -22,9 +22,6 @@ ARMIJO = 1e-4
 
 Answer = Callable[[Tensor, Tensor], tuple[Tensor, ...]]
 """A cell's `step` or `tangent`."""
-
-FLOATING_FAILURES = (ArithmeticError, torch.linalg.LinAlgError)
-"""What a cell may raise for a point that it cannot follow, in place of a NaN stress."""
 
 
 @dataclass(frozen=True)

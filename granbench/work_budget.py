@@ -9,8 +9,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
+from granbench.errors import GranbenchError
 
-class WorkExceeded(Exception):
+
+class WorkExceeded(GranbenchError):
     """The budget is spent; raised out of whatever was under way."""
 
 
@@ -36,7 +38,7 @@ class WorkBudget:
         """
         self.spent += 1
         if self.spent > self.limit:
-            raise WorkExceeded
+            raise WorkExceeded(f"more than {self.limit:g} units of work are needed")
 
 
 _current: ContextVar[WorkBudget | None] = ContextVar("work budget", default=None)

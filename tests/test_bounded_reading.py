@@ -82,6 +82,47 @@ def test_what_breaks_a_reader_is_one_sentence_and_the_next_file_is_read(
     assert read_bounded("good", DatasetError, print_noise, tmp_path) == "quiet"
 
 
+def working_folder(path: Path) -> tuple[Path, bool]:
+    return Path.cwd(), path.exists()
+
+
+def test_relative_path_begins_where_the_caller_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also after the process has gone elsewhere since the server was started."""
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        monkeypatch.chdir(tmp_path / name)
+        Path(f"{name}.csv").touch()
+        file = Path(f"{name}.csv")
+        assert read_bounded(file, DatasetError, working_folder, file) == (tmp_path / name, True)
+
+
+def test_bound_on_computation_grows_with_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bounded_reading, "LONGEST_READ", 60.0)
+    monkeypatch.setattr(bounded_reading, "LONGEST_COMPUTATION", 0.1)
+    small = tmp_path / "small.nc"
+    small.write_bytes(bytes(100))
+    with pytest.raises(DatasetError, match="of computation"):
+        read_bounded(small, DatasetError, loop, small)
+    assert read_bounded(small, DatasetError, compute, small) == "done"
+    large = tmp_path / "large.nc"
+    large.write_bytes(bytes(20_000))  # 0.2 s more
+    assert read_bounded(large, DatasetError, compute_longer, large) == "done"
+
+
+def compute(path: Path) -> str:
+    return "done"
+
+
+def compute_longer(path: Path) -> str:
+    while time.process_time() < 0.15:
+        pass
+    return "done"
+
+
 def test_killed_server_is_started_again(tmp_path: Path) -> None:
     assert read_bounded("a", DatasetError, print_noise, tmp_path) == "quiet"
     assert bounded_reading._server is not None

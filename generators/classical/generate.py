@@ -3,7 +3,6 @@
 from functools import partial
 from pathlib import Path
 
-from granbench.errors import ModelError
 from granbench.generators.campaign import CampaignReport, Progress, run_campaign
 from granbench.generators.classical.dataset import assemble
 from granbench.generators.classical.design import GROUND_TRUTHS, preset, splits
@@ -39,7 +38,7 @@ def generate(
     Raises
     ------
     GranbenchError
-        A clear sentence for whatever a user can mend; see `run_campaign`.
+        A clear sentence for whatever a user can correct; see `run_campaign`.
     """
     truth, chosen = GROUND_TRUTHS[dataset], preset(preset_name)
     plans = splits(truth, chosen)
@@ -51,8 +50,7 @@ def generate(
         progress=progress,
         retry_failed=retry_failed,
     )
-    if dataset not in report.done:
-        raise ModelError(f"{dataset} has no data: {report.failed[dataset]}")
+    report.require_every_result(dataset)
     path = Path(out) / f"{dataset}-{chosen.version}.nc"
     write_records(assemble(truth, chosen, plans, report.done[dataset], seed), path)
     return path, report

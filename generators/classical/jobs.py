@@ -29,6 +29,7 @@ from granbench.paths.drawn import DrawnPaths, on_strain_grid
 
 RECORD_FILE = "record.npz"
 PARAMETERS_FILE = "parameters.npz"
+PHYSICAL_FAILURES = (ModelError,)
 
 
 def campaign_job(

@@ -19,7 +19,7 @@ import numpy as np
 
 from granbench.errors import EngineError
 from granbench.generators.dem.chunk_average import ChunkAverage
-from granbench.generators.dem.engine import Liggghts
+from granbench.generators.dem.engine import Liggghts, SimulationFailure
 from granbench.generators.dem.material import ContactMaterial
 
 SKIN_OVER_D50 = 0.1
@@ -93,7 +93,8 @@ class GrainBox:
         """Start from grains at rest: (grain, 3) and (grain,) in m, in a cube of `box_edge` m."""
         _write_packing(data_path, positions, diameters, box_edge, material.density)
         engine = Liggghts(log_path)
-        engine.command(*_STYLES, f"read_data {data_path}")
+        engine.command(*_STYLES)
+        engine.file_command("read_data", data_path)
         return cls(engine, diameters, material, friction)
 
     @classmethod
@@ -109,7 +110,9 @@ class GrainBox:
         if not Path(restart_path).is_file():
             raise EngineError(f"the prepared state {restart_path} is missing; prepare it again")
         engine = Liggghts(log_path)
-        engine.command("newton off", f"read_restart {restart_path}", "communicate single vel yes")
+        engine.command("newton off")
+        engine.file_command("read_restart", restart_path)
+        engine.command("communicate single vel yes")
         return cls(engine, diameters, material, friction)
 
     def set_friction(self, friction: float) -> None:
@@ -139,7 +142,7 @@ class GrainBox:
 
         Raises
         ------
-        EngineError : grains were lost, or the void ratio fell below what a packing can have
+        SimulationFailure : grains were lost, or the void ratio fell below what a packing can have
         """
         if self._set_up_needed:
             self._set_up()
@@ -196,10 +199,9 @@ class GrainBox:
 
     def write_restart(self, path: Path) -> None:
         """Write the state with its contact history, whole or not at all."""
-        # LIGGGHTS would replace a % or * in the name; a plain suffix is safe.
         self._carry(np.zeros(3))  # a restart begins with a box at rest
         partial = Path(path).with_name(Path(path).name + ".part")
-        self.engine.command(f"write_restart {partial}")
+        self.engine.file_command("write_restart", partial)
         partial.replace(path)
         # The command re-initialises everything: without a new set-up the next edges would jump.
         self._set_up_needed = True
@@ -268,12 +270,12 @@ class GrainBox:
     def _require_sound(self) -> None:
         count = self.engine.grain_count()
         if count != self.grain_count:
-            raise EngineError(
+            raise SimulationFailure(
                 f"{self.grain_count - count} of {self.grain_count} grains left the box; lower the "
                 "strain rate or the time step"
             )
         if not self.void_ratio > SMALLEST_VOID_RATIO:
-            raise EngineError(
+            raise SimulationFailure(
                 f"the void ratio is {self.void_ratio:.3f}, below {SMALLEST_VOID_RATIO}: contacts "
                 "are missing or the pressure is too high for the material"
             )

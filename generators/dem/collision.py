@@ -169,7 +169,9 @@ def _install(
         "boundary f f f",
         "newton off",
         "communicate single vel yes",
-        f"read_data {data}",
+    )
+    engine.file_command("read_data", data)
+    engine.command(
         f"neighbor {0.2 * radius:.17g} bin",
         "neigh_modify delay 0",
         f"fix modulus all property/global youngsModulus peratomtype "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
 import re
@@ -16,7 +17,14 @@ from granbench.errors import EngineError
 LIBRARY = "libliggghts.so.3"
 REMEDY = "apt-get install liggghts libliggghts-dev (make setup does it)"
 
+PLAIN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
+"""What LIGGGHTS takes as a file name whatever its position in an input line."""
+
 _started = False
+
+
+class SimulationFailure(EngineError):
+    """A simulation that its own physics ended: run again, it would end in the same way."""
 
 
 class Liggghts:
@@ -41,8 +49,8 @@ class Liggghts:
             )
         self.log_path = Path(log_path)
         self._library = _load_library()
-        arguments = ["liggghts", "-log", os.fspath(self.log_path), "-screen", "none"]
-        argv = (ctypes.c_char_p * len(arguments))(*(a.encode() for a in arguments))
+        arguments = ["liggghts", "-log", self.log_path, "-screen", "none"]
+        argv = (ctypes.c_char_p * len(arguments))(*map(os.fsencode, arguments))
         self._handle = ctypes.c_void_p()
         _started = True
         self._library.lammps_open_no_mpi(len(arguments), argv, ctypes.byref(self._handle))
@@ -68,6 +76,30 @@ class Liggghts:
         """Execute input lines; an error in one ends the process with its text in the log."""
         for line in lines:
             self._library.lammps_command(self._handle, line.encode())
+
+    def file_command(self, command: str, path: Path) -> None:
+        """Execute a command on a file, which is given by its bare name in its own folder.
+
+        LIGGGHTS splits its input at spaces and tabs, gives ``$ # " & % *`` a meaning, and has
+        2048 characters for a line: no path of a user's may be part of one.
+
+        Parameters
+        ----------
+        command : such as ``read_data``; its one argument is the file
+        path : of the file; its folder exists
+
+        Raises
+        ------
+        EngineError : the bare name has characters that mean something to LIGGGHTS
+        """
+        path = Path(path)
+        if not PLAIN_NAME.fullmatch(path.name):
+            raise EngineError(
+                f"LIGGGHTS cannot take the file name {path.name!r}; use letters, digits and . _ -"
+            )
+        # One simulation has this process to itself, so that nobody else minds the folder.
+        with contextlib.chdir(path.parent):
+            self.command(f"{command} {path.name}")
 
     def run(self, steps: int) -> None:
         """Run `steps` with a full set-up, as needed after any fix or compute has changed."""
@@ -202,19 +234,20 @@ def _load_library() -> ctypes.CDLL:
     return library
 
 
-def last_error(log_path: Path) -> str:
+def last_error(log_path: Path) -> str | None:
     """Return LIGGGHTS' own words for why it ended the process that wrote `log_path`.
 
     Returns
     -------
-    str : the text of the log's last ``ERROR`` line, or a sentence saying that there is none
+    str : the text of the log's last ``ERROR`` line; None where there is no log or no such line,
+        as after a signal or the loss of an MPI process
     """
     try:
         text = Path(log_path).read_text(errors="replace")
     except OSError:
-        return f"LIGGGHTS left no log at {log_path}"
+        return None
     errors = [line.strip() for line in text.splitlines() if "ERROR" in line]
-    return errors[-1] if errors else f"LIGGGHTS ended without an error line in {log_path}"
+    return errors[-1] if errors else None
 
 
 def engine_version() -> str:

@@ -23,7 +23,11 @@ def generate(
     progress: Progress = "bar",
     retry_failed: bool = False,
 ) -> tuple[Path, CampaignReport]:
-    """Run, or continue, a campaign and write the dataset of its successful tests.
+    """Run, or continue, a campaign and write its dataset.
+
+    The design leaves out tests that miss the dataset's limits or that the simulation cannot
+    finish; the dataset says how many were planned. A job without a result for any other reason
+    means no dataset.
 
     Parameters
     ----------
@@ -39,7 +43,7 @@ def generate(
     Raises
     ------
     GranbenchError
-        A clear sentence for whatever a user can mend; see `run_campaign`.
+        A clear sentence for whatever a user can correct; see `run_campaign`.
     """
     chosen = preset(preset_name)
     plans = planned_tests(chosen, seed)
@@ -52,6 +56,7 @@ def generate(
         progress=progress,
         retry_failed=retry_failed,
     )
+    report.require_every_result(DATASET, physical_failures=True)
     results = {plan.name: report.done[plan.name] for plan in plans if plan.name in report.done}
     if not results:
         first = next(iter(report.failed.values()), "no job ran")

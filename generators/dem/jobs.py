@@ -5,6 +5,7 @@ leave a folder of files (see `granbench.generators.campaign`).
 """
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,11 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
+from granbench.errors import EngineError
 from granbench.generators.campaign import Job
 from granbench.generators.dem.design import Programme, TestPlan, TriaxialPreset
 from granbench.generators.dem.diameters import realise_grading
-from granbench.generators.dem.engine import last_error
+from granbench.generators.dem.engine import SimulationFailure, last_error
 from granbench.generators.dem.gradings import GRADINGS
 from granbench.generators.dem.material import ContactMaterial
 from granbench.generators.dem.preparation import PreparedSpecimen, prepare_specimen
@@ -28,6 +30,9 @@ PROGRAMMES = {
 }
 LOG_FILE = "liggghts.log"
 PREPARATION_LOG_FILE = "preparation.log"
+PHYSICAL_FAILURES = (SimulationFailure,)
+MACHINE_FAILURE = re.compile(r"\b(open|read|write|file|allocate|memory|MPI)\b", re.IGNORECASE)
+"""Words of LIGGGHTS' errors that are about the machine that it runs on."""
 
 
 def campaign_jobs(preset: TriaxialPreset, plans: Sequence[TestPlan]) -> list[Job]:
@@ -144,8 +149,16 @@ def series(record: TestRecord) -> dict[str, np.ndarray]:
 
 
 def failure_reason(out: Path) -> str | None:
-    """Why LIGGGHTS ended the process: the last error of its log; None where it says nothing."""
+    """Why LIGGGHTS ended the process: the last error of its log; None where it says nothing.
+
+    Raises
+    ------
+    EngineError
+        If the error is about a file or about memory: the machine's failure, not the specimen's.
+    """
     for name in (LOG_FILE, PREPARATION_LOG_FILE):
-        if (out / name).exists():
-            return last_error(out / name) or None
+        if error := last_error(out / name):
+            if MACHINE_FAILURE.search(error):
+                raise EngineError(error)
+            return error
     return None

@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from granbench.errors import ConfigurationError, EngineError
 from granbench.generators.dem.box import GrainBox
 from granbench.generators.dem.diameters import Grading
+from granbench.generators.dem.engine import SimulationFailure
 from granbench.generators.dem.material import ContactMaterial
 from granbench.generators.dem.measurement import contacts, rate_at
 from granbench.generators.dem.packing import default_solid_fraction, place_grains
@@ -157,7 +158,8 @@ def prepare_specimen(
 
     Raises
     ------
-    EngineError : the engine is missing or a state was not reached
+    EngineError : the engine is missing
+    SimulationFailure : a state was not reached
     ConfigurationError : a setting is outside what is possible
     """
     if not pressures or min(pressures) <= 0:
@@ -202,7 +204,7 @@ def prepare_specimen(
         states.append(PreparedState(**state, bulk_modulus=modulus))
     box.close()
     if edge < SMALLEST_BOX_EDGE_RATIO * grading.d_max:
-        raise EngineError(
+        raise SimulationFailure(
             f"the box edge is {edge / grading.d_max:.2f} of the largest diameter at "
             f"{levels[-1]:g} Pa, below {SMALLEST_BOX_EDGE_RATIO:g}; use more grains"
         )
@@ -243,7 +245,7 @@ def settle(
 
     Raises
     ------
-    EngineError : the state is not reached
+    SimulationFailure : the state is not reached
     """
     rate = rate_at(COMPRESSION_INERTIAL_NUMBER, d50, box.material.density, pressure)
     duration = steps * box.time_step
@@ -254,7 +256,7 @@ def settle(
     for number in range(MOST_CHUNKS):
         stress = box.strain(increment, steps)
         error = pressure - stress[:3]
-        # Grains that rattle without friction lose their energy at a snail's pace.
+        # Grains that rattle without friction lose their energy very slowly.
         since_stop = number % QUENCH_CHUNKS
         if since_stop == 0:
             box.stop_grains()
@@ -267,7 +269,7 @@ def settle(
             calm.clear()
         rates = servo.rates(error, np.zeros(3), bulk_modulus, duration, largest / duration)
         increment = np.clip(rates * duration, -largest, largest)
-    raise EngineError(
+    raise SimulationFailure(
         f"the stress of {pressure:g} Pa was not settled in {MOST_CHUNKS} chunks; see {box.log_path}"
     )
 
@@ -287,4 +289,4 @@ def _approach(box: GrainBox, pressure: float, d50: float, steps: int) -> None:
     for _ in range(MOST_CHUNKS):
         if box.strain(increment, steps)[:3].mean() >= 0.1 * pressure:
             return
-    raise EngineError(f"the packing never reached {0.1 * pressure:g} Pa; see {box.log_path}")
+    raise SimulationFailure(f"the packing never reached {0.1 * pressure:g} Pa; see {box.log_path}")

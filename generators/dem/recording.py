@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from granbench.errors import EngineError
+from granbench.generators.dem.engine import SimulationFailure
 from granbench.generators.dem.measurement import Contacts
 from granbench.paths import LoadingProgramme
 
@@ -84,7 +84,7 @@ class DrivenSeries:
     beyond: Sequence[Chunk]
 
 
-class QualityError(EngineError):
+class QualityError(SimulationFailure):
     """A simulation ran, but what it gave does not meet the limits of the dataset."""
 
 

@@ -85,7 +85,8 @@ def run_test(
     Raises
     ------
     QualityError : a limit of the dataset is broken; the text says which and by how much
-    EngineError : the engine is missing or grains were lost
+    EngineError : the engine is missing
+    SimulationFailure : grains were lost
     """
     state = specimen.state(programme.pressure)
     box = GrainBox.from_restart(

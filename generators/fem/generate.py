@@ -3,7 +3,6 @@
 from functools import partial
 from pathlib import Path
 
-from granbench.errors import AnalysisError
 from granbench.generators.campaign import CampaignReport, Progress, run_campaign
 from granbench.generators.fem.dataset import assemble
 from granbench.generators.fem.design import GROUND_TRUTHS, planned_analyses, preset
@@ -39,7 +38,7 @@ def generate(
     Raises
     ------
     GranbenchError
-        A clear sentence for whatever a user can mend; see `run_campaign`.
+        A clear sentence for whatever a user can correct; see `run_campaign`.
     """
     truth, chosen = GROUND_TRUTHS[dataset], preset(preset_name)
     plans = planned_analyses(truth, chosen, seed)
@@ -51,12 +50,7 @@ def generate(
         progress=progress,
         retry_failed=retry_failed,
     )
-    if report.failed:
-        name, reason = next(iter(report.failed.items()))
-        raise AnalysisError(
-            f"{dataset} is incomplete: {len(report.failed)} of {len(plans)} analyses failed, the "
-            f"first is {name}: {reason}"
-        )
+    report.require_every_result(dataset)
     path = Path(out) / f"{dataset}-{chosen.version}.nc"
     write_records(assemble(truth, chosen, plans, report.done, seed), path)
     return path, report

@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from granbench.boundary_values import EXPLICIT, spread_points
+from granbench.errors import AnalysisError
 from granbench.fem import run
 from granbench.fem.analysis import settings_for
 from granbench.fem.problems.biaxial import HEIGHT, Biaxial
@@ -21,6 +22,7 @@ from granbench.models.ground_truth import recording_cell
 from granbench.protocols.posed import posed
 
 RECORD_FILE = "record.npz"
+PHYSICAL_FAILURES = (AnalysisError,)
 POSITION = ("position_x", "position_y")
 
 
@@ -59,7 +61,10 @@ def run_analysis(
     plan = AnalysisPlan.model_validate(configuration["plan"])
     cell = recording_cell(configuration["model"], configuration["parameters"])
     problem = posed(plan)
-    settings = replace(settings_for(problem, EXPLICIT), outputs=configuration["steps"])
+    # All paths of a dataset have the same number of steps, wherever a loading turns.
+    settings = replace(
+        settings_for(problem, EXPLICIT), outputs=configuration["steps"], turning_points=False
+    )
     # Threads that wait for each other cost more than they do, at some hundred points.
     torch.set_num_threads(1)
     histories = run(problem, cell, solver=settings, mesh=plan.mesh).check()

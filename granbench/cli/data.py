@@ -11,11 +11,13 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, Trans
 from rich.table import Table
 
 from granbench.cli.options import refuse_overwriting, require_writable
-from granbench.cli.pictures import draw_picture
-from granbench.cli.printing import print_json, show
+from granbench.cli.pictures import drawing_errors
+from granbench.cli.printing import print_json, say, show
+from granbench.cli.termination import stopped_by_sigterm
 
 if TYPE_CHECKING:
-    from granbench.data.fetch import Progress as OnProgress
+    from granbench.data.download import Progress as OnProgress
+    from granbench.data.registry import RegistryEntry
 
 app = typer.Typer(
     help="Datasets: list, describe, fetch, verify and plot them.", no_args_is_help=True
@@ -45,8 +47,16 @@ def _download_bar(quiet: bool = False) -> Iterator["OnProgress"]:
 @app.command("list")
 def list_datasets(as_json: Json = False) -> None:
     """List the registered datasets."""
+    from granbench.data.making import is_made_at_once, is_made_on_request
     from granbench.data.registry import entries
     from granbench.data.store import present_file
+
+    def place(entry: "RegistryEntry", file: Path | None) -> str:
+        if file:
+            return "yes"
+        if is_made_at_once(entry):
+            return "made in seconds"
+        return "made by `fetch --make`" if is_made_on_request(entry) else "no"
 
     rows = [(entry, present_file(entry)) for entry in entries()]
     if as_json:
@@ -60,8 +70,7 @@ def list_datasets(as_json: Json = False) -> None:
     table = Table("dataset", "version", "tier", "size", "on this machine", "content")
     for entry, file in rows:
         size = f"{entry.bytes / 1e6:.1f} MB"
-        place = "yes" if file else "no"
-        table.add_row(entry.id, entry.version, entry.tier, size, place, entry.title)
+        table.add_row(entry.id, entry.version, entry.tier, size, place(entry, file), entry.title)
     show(table)
 
 
@@ -73,42 +82,28 @@ def info(
 ) -> None:
     """Describe a dataset: splits, loading, quality, and the scatter between packings."""
     from granbench.data.store import file_of
-    from granbench.data.summary import summarise
-    from granbench.records import open_records
+    from granbench.data.summary import listed_paths, summarise_file
+    from granbench.data.verification import read_as_trusted
 
     with _download_bar() as progress:
         file = file_of(source, progress)
-    with open_records(file) as ds:
-        _check_seal(ds, file)
-        if paths:
-            _print_paths(ds, as_json)
-            return
-        summary = summarise(ds) | {"file": str(file), "bytes": file.stat().st_size}
+    if paths:
+        rows = read_as_trusted(file, listed_paths)
+        if as_json:
+            print_json(rows)
+        else:
+            say("\n".join("  ".join(row.values()) for row in rows))
+        return
+    summary = read_as_trusted(file, summarise_file)
+    summary |= {"file": str(file), "bytes": file.stat().st_size}
     if as_json:
         print_json(summary)
     else:
         _print_summary(summary)
 
 
-def _check_seal(ds: Any, file: Path) -> None:
-    """A sealed file is what its hashes say; one that was never sealed may be anyone's."""
-    from granbench.records import verify as verify_records
-
-    if "content_sha256" in ds.attrs:
-        verify_records(ds, str(file))
-
-
-def _print_paths(ds: Any, as_json: bool) -> None:
-    columns = ("path_id", "specimen", "split", "loading_family")
-    rows = list(zip(*(ds[name].values.astype(str).tolist() for name in columns), strict=True))
-    if as_json:
-        print_json([dict(zip(columns, row, strict=True)) for row in rows])
-        return
-    for row in rows:
-        typer.echo("  ".join(row))
-
-
 def _print_summary(summary: dict[str, Any]) -> None:
+    summary = _printable_values(summary)
     facts = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     facts.add_column()
     facts.add_column()
@@ -145,6 +140,17 @@ def _print_summary(summary: dict[str, Any]) -> None:
         show(_strain_path_table(summary["strain_paths"]))
     for sentence in (_leak_sentence(summary["leaks"]), *_scatter_sentences(summary)):
         typer.echo(sentence)
+
+
+def _printable_values(value: Any) -> Any:
+    """The same with all text, keys of objects too, safe for a terminal."""
+    from granbench.printable import printable
+
+    if isinstance(value, dict):
+        return {printable(key): _printable_values(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_printable_values(inner) for inner in value]
+    return printable(value) if isinstance(value, str) else value
 
 
 def _strain_path_table(by_split: dict[str, dict[str, Any]]) -> Table:
@@ -200,18 +206,31 @@ def fetch(
     dest: Annotated[
         Path | None, typer.Option("--dest", help="Folder to put it into.", file_okay=True)
     ] = None,
+    make: Annotated[
+        bool,
+        typer.Option(
+            "--make", help="Make a dataset here that no mirror gives, if that takes minutes."
+        ),
+    ] = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Fetch a dataset from the nearest mirror and check it against the registry."""
+    """Fetch a dataset from the nearest mirror and check it against the registry.
+
+    One that no mirror gives is made on this machine if that takes seconds; with --make, also if
+    it takes minutes.
+    """
     from granbench.data.store import bring, dataset_file
 
-    with _download_bar(quiet) as progress:
-        file = bring(name, dest, progress) if dest else dataset_file(name, progress)
+    with stopped_by_sigterm(), _download_bar(quiet) as progress:
+        if dest:
+            file = bring(name, dest, progress, minutes=make)
+        else:
+            file = dataset_file(name, progress, minutes=make)
     if as_json:
         print_json({"name": name, "file": str(file)})
     elif not quiet:
-        typer.echo(str(file))
+        say(file)
 
 
 @app.command()
@@ -227,8 +246,13 @@ def verify(source: Source, as_json: Json = False, quiet: Quiet = False) -> None:
         registered = f"{entry.id}@{entry.version}" if entry else None
         print_json({"file": str(file), "verified": True, "registered": registered})
     elif not quiet:
-        known = f"is {entry.id} {entry.version} of the registry" if entry else "is not registered"
-        typer.echo(f"{file}: every variable agrees with its hash; the dataset {known}")
+        known = (
+            f"is {entry.id} {entry.version} of the registry, and its attributes agree with it too"
+            if entry
+            else "is not registered, so that nothing vouches for who made it, its ground truth, "
+            "its licence or any other attribute but its configuration"
+        )
+        say(f"{file}: every variable agrees with its hash; the dataset {known}")
 
 
 @app.command()
@@ -244,10 +268,9 @@ def plot(
 ) -> None:
     """Draw stress ratio and void ratio against axial strain, or strain paths and stresses."""
     from granbench.data.store import file_of
-    from granbench.plotting import dataset_figure, strain_path_figure
+    from granbench.data.summary import draw_file
+    from granbench.data.verification import read_as_trusted
     from granbench.plotting.style import figure_format
-    from granbench.records import open_records
-    from granbench.tensors import component_order
 
     if out is not None:  # before anything is fetched
         figure_format(out)
@@ -255,15 +278,11 @@ def plot(
         refuse_overwriting(out, "NAME|FILE", Path(source))
     with _download_bar(quiet) as progress:
         file = file_of(source, progress)
-    with open_records(file) as ds:
-        _check_seal(ds, file)
-        in_plane = component_order(tuple(map(str, ds["component"].values))) == "plane"
-        draw = strain_path_figure if in_plane else dataset_figure
-        picture = draw_picture(
-            out or Path(f"{file.stem}.png"), lambda: draw(ds, paths=path or None)
-        )
+    picture = out or Path(f"{file.stem}.png")
+    with drawing_errors(picture):
+        read_as_trusted(file, draw_file, picture, path or None)
     if not quiet:
-        typer.echo(str(picture))
+        say(picture)
 
 
 @app.command(hidden=True)
@@ -272,6 +291,9 @@ def register(
     identifier: Annotated[str, typer.Option("--id", help="Name in the registry.")],
     title: Annotated[str, typer.Option(help="One line for listings.")],
     command: Annotated[str, typer.Option(help="The command that made it.")],
+    seconds: Annotated[
+        float | None, typer.Option(help="How long the command takes, if anyone can run it.")
+    ] = None,
     tier: Annotated[str, typer.Option(help="mini, core or paper.")] = "core",
     mirror: Annotated[list[str] | None, typer.Option(help="Folder or address.")] = None,
     replace: Annotated[bool, typer.Option(help="Before publication only.")] = False,
@@ -284,11 +306,12 @@ def register(
         identifier=identifier,
         title=title,
         command=command,
+        seconds=seconds,
         tier=tier,
         mirrors=mirror or (),
         replace=replace,
     )
-    typer.echo(f"registered {entry.id} {entry.version}: {entry.bytes} bytes, {entry.sha256}")
+    say(f"registered {entry.id} {entry.version}: {entry.bytes} bytes, {entry.sha256}")
 
 
 @app.command(hidden=True)
@@ -300,4 +323,4 @@ def mini(
     from granbench.data.publish import publish_mini
 
     entry = publish_mini(file, replace=replace)
-    typer.echo(f"registered {entry.id} {entry.version}: {entry.bytes} bytes, {entry.sha256}")
+    say(f"registered {entry.id} {entry.version}: {entry.bytes} bytes, {entry.sha256}")

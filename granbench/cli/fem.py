@@ -55,8 +55,8 @@ def fem(
         typer.Option(
             "--mesh",
             metavar="NAME|FILE",
-            help="coarse, medium, fine, another of the problem, or a file such as soil.msh whose "
-            "boundaries have the names of the problem's.",
+            help="coarse, medium, fine, another of the problem, or a file of Gmsh (.msh), Abaqus "
+            "(.inp), VTK (.vtk, .vtu) or Medit (.mesh).",
         ),
     ] = None,
     choose: Annotated[
@@ -121,14 +121,15 @@ def fem(
 ) -> None:
     """Analyse a boundary-value problem with a model, and write all that happened in it."""
     _check_targets(out, vtu, plot)
-    for option, file in (
-        ("--cell", Path(cell)), ("--params", params), ("--task", Path(task)),
-        ("--mesh", None if mesh is None else Path(mesh)),
-        *(("--choose", Path(text.partition("=")[2])) for text in choose or ()),
-    ):  # fmt: skip
+    load_path = next((word[10:] for word in choose or () if word.startswith("load_path=")), None)
+    sources = {
+        "--mesh": mesh, "--choose load_path": load_path, "--params": params, "--cell": cell,
+        "--task": task,
+    }  # fmt: skip
+    for option, source in sources.items():
         for target in (out, plot):
-            if target is not None:
-                refuse_overwriting(target, option, file)
+            if source is not None and target is not None:
+                refuse_overwriting(target, option, Path(source))
     from granbench.fem.problems import chosen_from_text
     from granbench.quantity_text import pressure_from_text
 
@@ -271,14 +272,14 @@ def _summary(
     analysis: "Analysis", out: Path, series: Path | None, plot: Path | None
 ) -> dict[str, object]:
     """What a program wants to know."""
-    from granbench.fem.remarks import first_turned_step, remarks
+    from granbench.fem.remarks import first_implausible_step, first_turned_step, remarks
 
     found = analysis.dataset
     imbalance = float(found.attrs["initial_imbalance"])
     attributes = found.attrs
     last = found.isel(step=-1)
     summary: dict[str, object] = {
-        **{name: attributes[name] for name in ("problem", "cell", "solver", "mesh")},
+        **{name: attributes[name] for name in ("problem", "cell", "solver", "mesh", "element")},
         "choices": json.loads(attributes["choices"]),
         "settings": json.loads(attributes["settings"]),
         "gauss_points": found.sizes["point"],
@@ -291,6 +292,7 @@ def _summary(
         "energy_error": float(abs(found["energy_error"]).max()),
         "initial_imbalance": imbalance if math.isfinite(imbalance) else None,
         "first_turned_step": first_turned_step(found),
+        "first_implausible_step": first_implausible_step(found),
         "turned_elements": int(found["turned_elements"].max()),
         "warnings": remarks(found),
         "cell_seconds": float(last["cell_seconds"]),
@@ -309,10 +311,11 @@ def _sentence(analysis: "Analysis", out: Path) -> str:
     last = found.isel(step=-1)
     cell_seconds = float(last["cell_seconds"])
     seconds = cell_seconds + float(last["solver_seconds"])
+    points = f"{found.sizes['point']} Gauss points of {found.attrs['element']} elements"
     return (
         f"{out}: {found.attrs['problem']} with {found.attrs['cell']}, {found.attrs['solver']}, "
-        f"{found.sizes['point']} Gauss points, {seconds:.3g} s ({cell_seconds:.3g} s in the "
-        f"model); reaction at the end {float(last['reaction']) / 1e3:.4g} kN/m, largest "
+        f"{points}, {seconds:.3g} s ({cell_seconds:.3g} s in the model); reaction at the end "
+        f"{float(last['reaction']) / 1e3:.4g} kN/m, largest "
         f"{float(found['reaction'].max()) / 1e3:.4g} kN/m; volumetric strain "
         f"{100.0 * float(last['volumetric_strain']):.3g} %"
     )

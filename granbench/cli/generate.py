@@ -20,15 +20,17 @@ def generate(
     ] = None,
     seed: Annotated[int, seed_option("Seed of every random choice.")] = 0,
     retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="Run jobs again that failed earlier.")
+        bool,
+        typer.Option("--retry-failed", help="Also run jobs again whose own physics ended them."),
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the outcome as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
 ) -> None:
     """Generate a dataset; run the same command again to continue one that was interrupted."""
-    from granbench.generators.catalogue import generator
+    from granbench.generators.catalogue import generator, require_usable
 
     make = generator(dataset)
+    require_usable(out)
     require_folder("--out", out)
     if scheduler is None and workers > (cores := core_count()):
         note(f"--workers {workers}: this machine offers {cores} cores, so {cores} jobs run at once")
@@ -49,11 +51,14 @@ def generate(
             "done": len(report.done),
             "continued": len(report.skipped),
             "failed": report.failed,
+            "damaged": report.damaged,
         }
         print_json(outcome)
         return
     if quiet:
         return
     typer.echo(f"{len(report.done)} jobs done, {len(report.skipped)} of them earlier: {path}")
+    for key, reason in report.damaged.items():
+        typer.echo(f"found damaged, and made again: {key}: {reason}")
     for key, reason in report.failed.items():
         typer.echo(f"failed, and not in the data: {key}: {reason}")

@@ -63,6 +63,20 @@ def require_folder(option: str, folder: Path) -> None:
     require_writable(option, folder / "new" if folder.exists() else folder)
 
 
+def default_task() -> str:
+    """The dataset of a command that names none, which says so where it is not the usual one."""
+    from granbench.data.store import DEFAULTS, default_dataset
+
+    task = default_dataset()
+    if task != DEFAULTS[0]:
+        typer.echo(
+            f"{DEFAULTS[0]} is not on this machine, so {task} is taken; name another dataset with "
+            "--task (`granbench data list`)",
+            err=True,
+        )
+    return task
+
+
 def require_one_of(option: str, given: str, allowed: Sequence[str]) -> None:
     """Refuse a word that an option does not know.
 

@@ -1,6 +1,7 @@
 """Pictures that commands draw: one that fails takes no results with it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,27 @@ from granbench.errors import ConfigurationError, GranbenchError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+@contextmanager
+def drawing_errors(file: Path) -> Iterator[None]:
+    """Raise whatever goes wrong while a picture is drawn as an error that names the picture.
+
+    Raises
+    ------
+    GranbenchError
+        One that is raised inside, as it is; anything else as ConfigurationError.
+    """
+    try:
+        yield
+    except GranbenchError:
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split()) or "no reason is given"
+        raise ConfigurationError(
+            f"the picture {file} cannot be drawn ({type(error).__name__}: {reason}); check the "
+            "installation of matplotlib, or draw the data with another program"
+        ) from error
 
 
 def draw_picture(file: Path, draw: Callable[[], "Figure"]) -> Path:
@@ -22,20 +44,12 @@ def draw_picture(file: Path, draw: Callable[[], "Figure"]) -> Path:
     Raises
     ------
     GranbenchError
-        Whatever goes wrong while the picture is drawn or written.
+        See `drawing_errors`.
     """
-    try:
+    with drawing_errors(file):
         from granbench.plotting.style import save_figure
 
         return save_figure(draw(), file)
-    except GranbenchError:
-        raise
-    except Exception as error:
-        reason = " ".join(str(error).split()) or "no reason is given"
-        raise ConfigurationError(
-            f"the picture {file} cannot be drawn ({type(error).__name__}: {reason}); check the "
-            "installation of matplotlib, or draw the data with another program"
-        ) from error
 
 
 def draw_beside_results(file: Path, draw: Callable[[], "Figure"]) -> Path | None:

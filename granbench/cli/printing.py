@@ -9,19 +9,25 @@ from rich.measure import Measurement
 from rich.table import Table
 
 from granbench.cli.streams import shows_unicode
+from granbench.printable import printable
 
 UNLIMITED = 1_000_000
 """Columns of a pipe or file, in which no line is broken: `grep` finds whole names."""
 
 
+def say(text: object) -> None:
+    """Print a text; control characters that a file brought are written out, not obeyed."""
+    typer.echo(printable(text))
+
+
 def print_json(value: Any) -> None:
     """Print a value as JSON; characters that the console cannot show are escaped, not lost."""
-    typer.echo(json.dumps(value, indent=2, ensure_ascii=not shows_unicode()))
+    say(json.dumps(value, indent=2, ensure_ascii=not shows_unicode()))
 
 
 def note(text: str) -> None:
     """Say on standard error what does not end the command."""
-    typer.echo(f"note: {text}", err=True)
+    typer.echo(printable(f"note: {text}"), err=True)
 
 
 def show(*parts: RenderableType, style: str | None = None) -> None:

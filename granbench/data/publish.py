@@ -1,4 +1,8 @@
-"""For maintainers: cut the mini tier from a core dataset, and enter a file in the registry."""
+"""For maintainers: cut the mini tier from a core dataset, and enter a file in the registry.
+
+``python -m granbench.data.publish`` computes `attributes_sha256` of the registered files in the
+checkout and writes it into their entries.
+"""
 
 import json
 from collections.abc import Iterable
@@ -9,7 +13,7 @@ import pooch
 import xarray as xr
 import yaml
 
-from granbench.data.fetch import MINI_FOLDER
+from granbench.data.fetch import MINI_FOLDER, folders_of, why_not
 from granbench.data.registry import (
     REGISTRY_FOLDER,
     RegistryEntry,
@@ -19,7 +23,8 @@ from granbench.data.registry import (
 )
 from granbench.data.splits import leak_report, split_hash
 from granbench.errors import DatasetError, RegistryError
-from granbench.records import open_records, verify, write_records
+from granbench.records import attributes_hash, open_records, verify, write_records
+from granbench.whole_file import whole_file
 
 MINI_BYTES = 1_000_000
 MINI_SPECIMENS = {"train": 3, "validation": 1, "test": 2}
@@ -140,6 +145,7 @@ def register(
     identifier: str,
     title: str,
     command: str,
+    seconds: float | None = None,
     tier: str = "core",
     mirrors: Iterable[str] = (),
     replace: bool = False,
@@ -151,6 +157,7 @@ def register(
     file : sealed dataset whose attribute `dataset` is `identifier`
     title : one line for listings
     command : the command that made it
+    seconds : see `RegistryEntry.generator_seconds`
     tier : see `RegistryEntry`
     mirrors : folders or addresses that hold it
     replace : write over an entry of the same version, before it is published
@@ -184,8 +191,10 @@ def register(
                 "bytes": file.stat().st_size,
                 "sha256": pooch.file_hash(str(file), alg="sha256"),
                 "content_sha256": str(ds.attrs["content_sha256"]),
+                "attributes_sha256": attributes_hash(ds),
                 "split_sha256": split_hash(ds),
                 "generator": command,
+                "generator_seconds": seconds,
                 "mirrors": tuple(mirrors),
             },
             source=str(file),
@@ -196,7 +205,42 @@ def register(
             f"{identifier} {entry.version} is registered with another file; published files never "
             "change: give the dataset a new version"
         )
-    REGISTRY_FOLDER.mkdir(exist_ok=True)
-    text = yaml.safe_dump(entry.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
-    entry_path(entry.id, entry.version).write_text(text, encoding="utf-8")
+    _write_entry(entry, entry_path(entry.id, entry.version))
     return entry
+
+
+def write_attributes_hash(path: Path) -> RegistryEntry:
+    """Compute `attributes_sha256` of a registered file and write it into its entry.
+
+    Parameters
+    ----------
+    path : the entry, which may lack the hash
+
+    Raises
+    ------
+    RegistryError
+        If the checkout does not have the registered file.
+    """
+    fields = yaml.safe_load(path.read_text(encoding="utf-8"))
+    entry = checked_entry({"attributes_sha256": "0" * 64} | fields, str(path))
+    files = [folder / entry.file for folder in folders_of(entry)]
+    file = next((file for file in files if why_not(file, entry) is None), None)
+    if file is None:
+        raise RegistryError(f"{path}: {entry.file} is not in the checkout; copy it there")
+    with open_records(file) as ds:
+        entry = entry.model_copy(update={"attributes_sha256": attributes_hash(ds)})
+    _write_entry(entry, path)
+    return entry
+
+
+def _write_entry(entry: RegistryEntry, path: Path) -> None:
+    text = yaml.safe_dump(
+        entry.model_dump(mode="json", exclude_none=True), sort_keys=False, allow_unicode=True
+    )
+    with whole_file(path, RegistryError) as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    for file in sorted(REGISTRY_FOLDER.glob("*.yaml")):
+        print(f"{file.name}: attributes_sha256 {write_attributes_hash(file).attributes_sha256}")

@@ -29,8 +29,11 @@ class RegistryEntry(BaseModel):
     file : name of the netCDF file on every mirror
     bytes, sha256 : size and hash of that file
     content_sha256 : hash of its values, see `granbench.records.content_hashes`
+    attributes_sha256 : hash of what it says of itself, see `granbench.records.attributes_hash`
     split_sha256 : hash of the frozen split, see `granbench.data.splits.split_hash`
     generator : command that made it
+    generator_seconds : about how long that command takes on two cores; None where it is not a
+        `granbench generate` that anyone can run
     mirrors : folders or http(s) addresses that hold the file, tried in order
     """
 
@@ -46,8 +49,10 @@ class RegistryEntry(BaseModel):
     bytes: int = Field(gt=0)
     sha256: Sha256
     content_sha256: Sha256
+    attributes_sha256: Sha256
     split_sha256: Sha256
     generator: str
+    generator_seconds: float | None = Field(default=None, gt=0)
     mirrors: tuple[str, ...] = ()
 
     @property
@@ -88,7 +93,7 @@ def checked_entry(fields: Any, source: str) -> RegistryEntry:
         first = error.errors()[0]
         field = ".".join(map(str, first["loc"])) or "the whole entry"
         raise RegistryError(
-            f"{source}: {field}: {first['msg']}; mend the registry entry"
+            f"{source}: {field}: {first['msg']}; correct the registry entry"
         ) from error
 
 
@@ -97,7 +102,7 @@ def _read(path: Path) -> RegistryEntry:
         fields = yaml.safe_load(path.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         reason = " ".join(str(error).split())
-        raise RegistryError(f"{path}: is not YAML ({reason}); mend the registry entry") from error
+        raise RegistryError(f"{path}: is not YAML ({reason}); correct the entry") from error
     return checked_entry(fields, str(path))
 
 

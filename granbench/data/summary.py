@@ -1,5 +1,6 @@
 """A dataset in numbers: what `granbench data info` prints and a dataset card begins with."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import xarray as xr
 from granbench.data.replicates import replicate_pairs, replicate_scatter
 from granbench.data.splits import leak_report, select_split, split_names
 from granbench.data.strain_paths import strain_path_statistics
+from granbench.records import open_records_here, verify
 from granbench.tensors import component_order
 
 QUALITY = {
@@ -74,6 +76,70 @@ def summarise(ds: xr.Dataset) -> dict[str, Any]:
             for name in split_names(ds)
         }
     return summary
+
+
+def summarise_file(path: Path) -> dict[str, Any]:
+    """The summary of a file of records, read in this process.
+
+    Raises
+    ------
+    DatasetError
+        If the file is none, or is sealed and differs from its hashes.
+    """
+    with open_records_here(path) as ds:
+        _check_seal(ds, path)
+        return summarise(ds)
+
+
+def listed_paths(path: Path) -> list[dict[str, str]]:
+    """Name, specimen, split and loading family of every path of a file of records.
+
+    Raises
+    ------
+    DatasetError
+        See `summarise_file`.
+    """
+    columns = ("path_id", "specimen", "split", "loading_family")
+    with open_records_here(path) as ds:
+        _check_seal(ds, path)
+        rows = zip(*(ds[name].values.astype(str).tolist() for name in columns), strict=True)
+        return [dict(zip(columns, row, strict=True)) for row in rows]
+
+
+def draw_file(path: Path, out: Path, paths: list[str] | None = None) -> Path:
+    """Draw a file of records: stress ratio and void ratio, or strain paths and stresses.
+
+    Parameters
+    ----------
+    path : the file
+    out : picture to write
+    paths : names of the paths to draw; some of each family where None
+
+    Returns
+    -------
+    The picture
+
+    Raises
+    ------
+    DatasetError
+        See `summarise_file`.
+    ConfigurationError
+        If there is no such path, or the picture cannot be written.
+    """
+    from granbench.plotting import dataset_figure, strain_path_figure
+    from granbench.plotting.style import save_figure
+
+    with open_records_here(path) as ds:
+        _check_seal(ds, path)
+        in_plane = component_order(tuple(map(str, ds["component"].values))) == "plane"
+        draw = strain_path_figure if in_plane else dataset_figure
+        return save_figure(draw(ds, paths=paths), out)
+
+
+def _check_seal(ds: xr.Dataset, path: Path) -> None:
+    """A sealed file is what its hashes say; one that was never sealed may be anyone's."""
+    if "content_sha256" in ds.attrs:
+        verify(ds, str(path))
 
 
 def _counts(ds: xr.Dataset, name: str) -> dict[str, int]:

@@ -1,12 +1,41 @@
 """Whether a file is what it says it is, and what the registry says of it."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Concatenate, ParamSpec, TypeVar
 
+from granbench.bounded_reading import read_bounded
 from granbench.data.registry import RegistryEntry, entries
 from granbench.data.splits import split_hash
-from granbench.data.store import Progress, file_of
+from granbench.data.store import Progress, file_of, registered_file
 from granbench.errors import DatasetError
-from granbench.records import open_records, verify
+from granbench.records import (
+    attributes_hash,
+    mark_as_checked,
+    open_records_here,
+    verify,
+)
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What a verified file calls itself, and the hashes by which the registry knows it.
+
+    Parameters
+    ----------
+    name, version : its attributes `dataset` and `version`
+    split_sha256, content_sha256, attributes_sha256 : see `RegistryEntry`
+    """
+
+    name: str
+    version: str
+    split_sha256: str
+    content_sha256: str
+    attributes_sha256: str
 
 
 def task_file(name_or_file: str, progress: Progress | None = None) -> Path:
@@ -32,13 +61,18 @@ def task_file(name_or_file: str, progress: Progress | None = None) -> Path:
 def verify_file(path: Path) -> RegistryEntry | None:
     """Recompute every hash of a file, and compare it with the registry if its version is there.
 
+    A file that is not a registered one byte for byte is read in a child process with bounds on
+    memory and time.
+
     Parameters
     ----------
     path : netCDF file of records
 
     Returns
     -------
-    The registry entry that it agrees with, or None for a dataset that nobody registered
+    The registry entry that it agrees with, or None for a dataset that nobody registered: of that
+    its values and its configuration agree with its own hashes, and who made it or what else it says
+    of itself nothing can vouch for
 
     Raises
     ------
@@ -46,22 +80,67 @@ def verify_file(path: Path) -> RegistryEntry | None:
         If the file breaks the schema; if a variable differs from its hash, by name; if the file
         was changed and sealed again under a registered version.
     """
-    with open_records(path) as ds:
+    found = read_as_trusted(path, identify)
+    mark_as_checked(path)
+    entry = {(e.id, e.version): e for e in entries()}.get((found.name, found.version))
+    if entry is not None:
+        _compare(found, entry, path)
+    return entry
+
+
+def read_as_trusted(
+    path: Path, function: Callable[Concatenate[Path, P], T], *arguments: P.args, **options: P.kwargs
+) -> T:
+    """Call a function that reads a file of records, with bounds unless the file is registered.
+
+    Parameters
+    ----------
+    path : the file; one that is registered, byte for byte, is read in this process, any other one
+        as `granbench.bounded_reading.read_bounded` does
+    function : of the path and of `arguments` and `options`; see `read_bounded`
+
+    Raises
+    ------
+    DatasetError
+        If the file breaks a bound, or see the function.
+    """
+    if registered_file(path) is not None:
+        return function(path, *arguments, **options)
+    return read_bounded(path, DatasetError, function, path, *arguments, **options)
+
+
+def identify(path: Path) -> Identity:
+    """Verify a file, in this process, and say what it is.
+
+    Raises
+    ------
+    DatasetError
+        If a variable differs from its hash, by name.
+    """
+    with open_records_here(path) as ds:
         verify(ds, str(path))
-        name = (str(ds.attrs["dataset"]), str(ds.attrs["version"]))
-        entry = {(e.id, e.version): e for e in entries()}.get(name)
-        if entry is None:
-            return None
-        # The splits first: that they moved says more than that some value did.
-        for what, found, registered in (
-            ("split", split_hash(ds), entry.split_sha256),
-            ("content", str(ds.attrs["content_sha256"]), entry.content_sha256),
-        ):
-            if found != registered:
-                raise DatasetError(
-                    f"{path}: calls itself {' '.join(name)}, but its {what}_sha256 "
-                    f"{found[:12]}... is not the registered {registered[:12]}...; it was changed "
-                    "and sealed again: fetch it with `granbench data fetch`, or give your own "
-                    "data another name"
-                )
-        return entry
+        return Identity(
+            name=ds.attrs["dataset"],
+            version=ds.attrs["version"],
+            split_sha256=split_hash(ds),
+            content_sha256=ds.attrs["content_sha256"],
+            attributes_sha256=attributes_hash(ds),
+        )
+
+
+def _compare(found: Identity, entry: RegistryEntry, path: Path) -> None:
+    # The splits first: that they moved says more than that some value did.
+    for what in ("split", "content", "attributes"):
+        mine = getattr(found, f"{what}_sha256")
+        registered = getattr(entry, f"{what}_sha256")
+        if mine != registered:
+            changed = (
+                "what it says of itself (ground truth, licence, units and the like) was changed"
+                if what == "attributes"
+                else "it was changed and sealed again"
+            )
+            raise DatasetError(
+                f"{path}: calls itself {found.name} {found.version}, but its {what}_sha256 "
+                f"{mine[:12]}... is not the registered {registered[:12]}...; {changed}: fetch it "
+                "with `granbench data fetch`, or give your own data another name"
+            )

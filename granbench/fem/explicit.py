@@ -20,24 +20,22 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import torch
 
-from granbench.errors import AnalysisError, ConfigurationError
+from granbench.errors import AnalysisError
 from granbench.fem.gauss_points import GaussPoints
 from granbench.fem.loading import AssembledLoading
 from granbench.fem.mesh import Floats
 from granbench.fem.operators import Operators, product
 from granbench.fem.result import Recorder
-from granbench.fem.time_step import ExplicitSettings, choose_time_step
+from granbench.fem.time_step import ExplicitSettings, choose_time_step, output_steps
 
 EVEN = 1e-9
 """Moves of a time step that differ by less, relatively, are at one speed: rounding of the times
 makes them differ by some 1e-12."""
-
-MOST_STEPS = 100_000_000
-"""Some hours of the quickest analysis: more of them are a mistake in a unit."""
 
 OnStep = Callable[[int, int], None]
 """Called at output steps with the number of the step that is done, and how many there are."""
@@ -62,27 +60,21 @@ def solve_explicit(
     """
     begin = time.perf_counter()
     motion = _Motion(operators, loading, points, settings)
-    motion.record(recorder, time.perf_counter() - begin)
+    motion.record(recorder, time.perf_counter() - begin, 0)
     points.ask_at_rest()
     step = choose_time_step(operators, points, settings)
     end = loading.loading.drive.end
-    wanted = end / step.chosen
-    if not wanted <= MOST_STEPS:
-        raise ConfigurationError(
-            f"a loading of {end:.3g} s in time steps of {step.chosen:.3g} s takes {wanted:.3g} of "
-            f"them, more than {MOST_STEPS:.0g}; load faster or shorter"
-        )
-    per_output = max(1, math.ceil(wanted / settings.outputs - 1e-9))
-    total = per_output * settings.outputs
+    outputs = output_steps(loading.loading.drive, step.chosen, settings)
+    total = int(outputs[-1])
     motion.set_time_step(end / total)
-    for output in range(1, settings.outputs + 1):
+    for last, now in pairwise(map(int, outputs)):
         # Nothing asks for a gradient from here on, and torch then keeps no account of its calls.
         with torch.inference_mode():
-            motion.advance((output - 1) * per_output, output * per_output)
-        motion.check_stability(output * per_output)
-        motion.record(recorder, time.perf_counter() - begin)
+            motion.advance(last, now)
+        motion.check_stability(now)
+        motion.record(recorder, time.perf_counter() - begin, now - last)
         if on_step is not None:
-            on_step(output * per_output, total)
+            on_step(now, total)
 
 
 @dataclass(frozen=True)
@@ -246,8 +238,8 @@ class _Motion:
         kinetic = 0.5 * float(velocity @ (self.increment + change))
         return kinetic, self.damping_work + 0.5 * self.rate * self.dt * float(velocity @ mean)
 
-    def record(self, recorder: Recorder, seconds: float) -> None:
-        """Hand the present output step on."""
+    def record(self, recorder: Recorder, seconds: float, time_steps: int) -> None:
+        """Hand the present output step on, and how many time steps it took."""
         kinetic, damping = self._kinetic_energy_and_damping()
         parts = (kinetic, self.internal_work, damping, self.external_work)
         missing = sum(parts[:3]) - parts[3]
@@ -255,6 +247,7 @@ class _Motion:
             self.displacement,
             driving_displacement=float(self.loading.loading.drive.at(self.time)),
             time=self.time,
+            time_steps=time_steps,
             reaction=self.reaction,
             maximum_acceleration=self.largest_acceleration,
             kinetic_energy=kinetic,

@@ -97,6 +97,12 @@ class LoadingHistory:
         """Last given time, s."""
         return self.times[-1]
 
+    @property
+    def turning_times(self) -> Floats:
+        """Times, s, at which the value turns, comes to rest or leaves it."""
+        direction = np.sign(np.diff(self.values))
+        return np.asarray(self.times)[1:-1][direction[1:] != direction[:-1]]
+
     def at(self, time: float | Floats) -> Floats:
         """Value at a time; the last one after the end."""
         return np.asarray(np.interp(time, self.times, self.values))

@@ -61,6 +61,7 @@ class PlaneMesh:
     geometry : scikit-fem's mesh of triangles or quadrilaterals, curved ones included; the names of
         its `boundaries` are those that supports and loads refer to
     element : a key of `ELEMENTS`
+    notes : what a user should know of a mesh from a file
 
     Raises
     ------
@@ -71,6 +72,7 @@ class PlaneMesh:
 
     geometry: skfem.Mesh
     element: str = "quad8"
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.element not in ELEMENTS:
@@ -87,8 +89,8 @@ class PlaneMesh:
         lost = ~np.isfinite(self.geometry.p).all(axis=0)
         if lost.any():
             raise ConfigurationError(
-                f"node {int(lost.argmax())} of the mesh has a coordinate that is not finite; mend "
-                "the mesh"
+                f"node {int(lost.argmax())} of the mesh has a coordinate that is not finite; "
+                "correct it"
             )
         self._refuse_inverted()
 
@@ -140,6 +142,21 @@ class PlaneMesh:
         """(element, local node): corners first, then the edges' nodes."""
         return self.basis.element_dofs.T
 
+    @cached_property
+    def area(self) -> float:
+        """Area of the body, m2."""
+        return float(self.basis.dx.sum())
+
+    def edge_length(self, facets: np.ndarray) -> float:
+        """Length of some edges from corner to corner, m."""
+        start, end = self.geometry.p[:, self.geometry.facets[:2, facets]].transpose(1, 0, 2)
+        return float(np.hypot(*(end - start)).sum())
+
+    @cached_property
+    def outline(self) -> np.ndarray:
+        """Edges that belong to one element alone."""
+        return np.asarray(self.geometry.boundary_facets())
+
     @property
     def boundary_names(self) -> tuple[str, ...]:
         """Names that supports and loads may refer to."""
@@ -161,7 +178,8 @@ class PlaneMesh:
             )
         if len(facets) == 0:
             raise ConfigurationError(
-                f"boundary {boundary!r} has no edges in this mesh; refine it or mend its definition"
+                f"boundary {boundary!r} has no edges in this mesh; refine the mesh or correct the "
+                "boundary"
             )
         return np.asarray(facets)
 
@@ -243,7 +261,7 @@ class PlaneMesh:
             raise self._inverted(int(folds.argmax()), int((folds > 0).sum()), "folded over another")
 
     def _determinants(self) -> Floats:
-        """Of the Jacobian at the Gauss points and corners, (element, place); zeros among them."""
+        """Jacobian determinants at Gauss points and corners, (element, place); may be zero."""
         shape = self.geometry.refdom
         at_points, _ = get_quadrature(shape, self.kind.integration_order)
         places = np.hstack([at_points, shape.p])
@@ -273,5 +291,5 @@ class PlaneMesh:
         more = f", and {count - 1} more are" if count > 1 else ""
         return ConfigurationError(
             f"element {element} of the mesh, with its centre at ({x:g}, {y:g}), is {how}{more}; "
-            "mend the mesh"
+            "correct the mesh"
         )

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
 import xarray as xr
 
 from granbench.fem.gauss_points import UNSTRESSED
+
+LARGEST_VOLUMETRIC_STRAIN = 0.5
+"""No soil changes its volume by half, and strains that large are not small."""
 
 LARGEST_IMBALANCE = 0.01
 """Of the stress at the start; beyond it the loads at the start do not hold the body."""
@@ -20,8 +24,25 @@ def remarks(dataset: xr.Dataset) -> list[str]:
     ----------
     dataset : of an analysis, as it is in its file
     """
-    found = _imbalance(dataset), _turned(dataset)
-    return [sentence for sentence in found if sentence is not None]
+    about_mesh = [
+        f"mesh {dataset.attrs['mesh']}: {note}"
+        for note in json.loads(dataset.attrs.get("mesh_notes", "[]"))
+    ]
+    about_model = str(dataset.attrs.get("notes", "")).splitlines()
+    found = _imbalance(dataset), _volume(dataset), _turned(dataset)
+    return [*about_mesh, *about_model, *(sentence for sentence in found if sentence is not None)]
+
+
+def first_implausible_step(dataset: xr.Dataset) -> int | None:
+    """The first output step with a volumetric strain that no soil has; None if there is none."""
+    steps = np.flatnonzero(_largest_volumetric_strain(dataset) > LARGEST_VOLUMETRIC_STRAIN)
+    return int(steps[0]) if steps.size else None
+
+
+def _largest_volumetric_strain(dataset: xr.Dataset) -> np.ndarray:
+    """Largest absolute value at any Gauss point, (step,)."""
+    strain = dataset["strain"].values
+    return np.asarray(np.abs(strain[..., 0] + strain[..., 1]).max(axis=1, initial=0.0))
 
 
 def first_turned_step(dataset: xr.Dataset) -> int | None:
@@ -45,6 +66,22 @@ def _imbalance(dataset: xr.Dataset) -> str | None:
         f"the analysis starts out of balance: unstrained, {model} gives a stress that is off the "
         f"imposed one by up to {100.0 * share:.3g} % of {imposed / 1e3:.4g} kPa; start it at a "
         "pressure that it knows, as by the choice of `confinement`"
+    )
+
+
+def _volume(dataset: xr.Dataset) -> str | None:
+    step = first_implausible_step(dataset)
+    if step is None:
+        return None
+    largest = _largest_volumetric_strain(dataset)
+    mean = dataset["volumetric_strain"].values
+    worst = float(mean[np.abs(mean).argmax()])
+    return (
+        f"the volumetric strain is not credible: {100.0 * largest[step]:.3g} % at a Gauss point by "
+        f"output step {step}, at driving strain {float(dataset['driving_strain'][step]):.4g}, "
+        f"{100.0 * largest.max():.3g} % at most, and {100.0 * worst:.3g} % in the mean over the "
+        f"body; {dataset.attrs['cell']} is outside of what it can follow, so do not use the "
+        "results from that step on"
     )
 
 

@@ -20,6 +20,7 @@ from granbench.whole_file import whole_file
 
 DESCRIPTIONS: Mapping[str, tuple[str, str]] = {
     "time": ("s", "time"),
+    "time_steps": ("1", "time steps since the last output"),
     "driving_displacement": ("m", "driving displacement"),
     "driving_strain": ("1", "driving displacement over its reference length"),
     "reaction": ("N/m", "reaction conjugate to the driving displacement, per unit thickness"),

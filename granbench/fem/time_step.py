@@ -1,20 +1,31 @@
-"""Settings of the explicit solver, and the time step that follows from them (Eq 5.8)."""
+"""Settings of the explicit solver; the time step that follows (Eq 5.8), and the output steps."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from numbers import Integral
 
 import numpy as np
 
 from granbench.errors import ConfigurationError
 from granbench.fem.gauss_points import GaussPoints
+from granbench.fem.loading import LoadingHistory
+from granbench.fem.mesh import Floats
 from granbench.fem.operators import Operators
 
 LARGEST_DAMPING = 1e4
 LARGEST_MODULUS = 1e15
 """Of Eq 5.9, Pa."""
+MOST_STEPS = 100_000_000
+"""Some hours of the quickest analysis: more of them are a mistake in a unit."""
+
+MOST_TURNS = 10_000
+"""Turning points of a load path, each of them an output step."""
+
+ON_A_STEP = 1e-9
+"""Of the number of time steps: a distance from a whole number that is rounding."""
 
 
 def require_whole(settings: object, *names: str) -> None:
@@ -47,7 +58,9 @@ class ExplicitSettings:
         start
     time_step : s, instead of the one from `safety`; it is shortened a little, so that output steps
         are at equal distances and the last at the end
-    outputs : number of output steps after the first
+    outputs : number of output steps after the first; there are some more where the drive turns
+        between them
+    turning_points : whether every turning point of the drive is an output step
 
     Raises
     ------
@@ -63,6 +76,7 @@ class ExplicitSettings:
     modulus: float | None = None
     time_step: float | None = None
     outputs: int = 100
+    turning_points: bool = True
 
     def __post_init__(self) -> None:
         require_whole(self, "outputs")
@@ -137,3 +151,54 @@ def choose_time_step(
             f"{limit:.3g} s; leave it out, or lower it or the safety factor"
         )
     return TimeStep(chosen, limit)
+
+
+def output_steps(drive: LoadingHistory, time_step: float, settings: ExplicitSettings) -> np.ndarray:
+    """Numbers of the time steps that are output steps, from 0 to the last.
+
+    They are at equal distances if every turning point of the drive is then one of them. Otherwise
+    they are nearly so between one turning point and the next, and the number of time steps is
+    chosen so that the turning points fall on time steps as closely as may be.
+
+    Parameters
+    ----------
+    drive : the driving displacement
+    time_step : the longest, s
+    settings : how many outputs there are to be; more where the turning points ask for it
+
+    Raises
+    ------
+    ConfigurationError
+        If there are too many time steps or turning points.
+    """
+    count = settings.outputs
+    even = max(1, math.ceil(drive.end / time_step / count - 1e-9)) * np.arange(count + 1)
+    if even[-1] > MOST_STEPS:
+        raise ConfigurationError(
+            f"a loading of {drive.end:.3g} s in time steps of {time_step:.3g} s takes "
+            f"{even[-1]:.3g} of them, more than {MOST_STEPS:.0g}; load faster or shorter"
+        )
+    turns = drive.turning_times / drive.end
+    if len(turns) > MOST_TURNS:
+        raise ConfigurationError(
+            f"the load path turns {len(turns):,} times, more than {MOST_TURNS:,}; smooth it"
+        )
+    if not settings.turning_points or (_off(turns * count) < ON_A_STEP * count).all():
+        return even
+    fewest = math.ceil(drive.end / time_step - 1e-9)
+    candidates = np.arange(fewest, fewest + max(50, min(fewest // 50, 1000)))
+    off = np.max([_off(candidates * turn) for turn in turns], axis=0)
+    total = candidates[(off <= off.min() + ON_A_STEP * candidates).argmax()]
+    ends = np.concatenate([[0.0], turns, [1.0]])
+    pieces = [
+        np.linspace(
+            begin, end, max(1, math.ceil(count * (end - begin) - ON_A_STEP)), endpoint=False
+        )
+        for begin, end in pairwise(ends)
+    ]
+    return np.unique(np.round(total * np.append(np.concatenate(pieces), 1.0)).astype(np.int64))
+
+
+def _off(numbers: Floats) -> Floats:
+    """Distance from the nearest whole number."""
+    return np.asarray(np.abs(numbers - np.round(numbers)))

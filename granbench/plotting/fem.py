@@ -9,7 +9,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from granbench.fem.remarks import first_turned_step
+from granbench.fem.remarks import first_implausible_step, first_turned_step
 from granbench.plotting.paraview import element_means
 from granbench.plotting.style import figure_grid, house_style, model_styles
 
@@ -59,6 +59,8 @@ def analysis_figure(dataset: xr.Dataset) -> Figure:
         title += " (ended early)"
     if turned is not None:
         title += f"\ndotted: elements have turned over, from {strain[turned]:.3g} % on"
+    if (step := first_implausible_step(dataset)) is not None:
+        title += f"\nvolumetric strains are not credible from {strain[step]:.3g} % on"
     figure.suptitle(title)
     return figure
 

@@ -23,7 +23,7 @@ from campaign_support import (
 )
 from toy_jobs import walk_of
 
-from granbench.errors import ConfigurationError
+from granbench.errors import ConfigurationError, EngineError
 from granbench.generators.campaign import Job, run_campaign
 
 pytestmark = pytest.mark.usefixtures("toy_jobs")
@@ -47,17 +47,18 @@ def test_a_finished_campaign_is_not_run_again_and_a_lost_result_is_made_again_bi
     assert again.done == first.done and again.skipped == tuple(first.done)
     shutil.rmtree(first.done["joined"])
     (first.done["walk/1"] / "job.json").unlink()  # not a whole result without it
-    mended = quiet(walks(), tmp_path)
-    assert mended.skipped == ("walk/0", "walk/2")
+    completed = quiet(walks(), tmp_path)
+    assert completed.skipped == ("walk/0", "walk/2")
+    assert list(completed.damaged) == ["walk/1"]
     assert files_of(tmp_path) == before
-    assert len((tmp_path / "campaign.log").read_text().splitlines()) == 6
+    assert (tmp_path / "campaign.log").read_text().count(" done ") == 6
 
 
 def test_a_lost_result_that_only_finished_jobs_needed_is_not_made_again(tmp_path):
     first = quiet(walks(), tmp_path)
     shutil.rmtree(first.done["walk/0"])  # "joined" needed it and is done
     again = quiet(walks(), tmp_path)
-    assert again.spared == ("walk/0",)
+    assert again.not_needed == ("walk/0",)
     assert set(again.done) == {"joined", "walk/1", "walk/2"} and not again.failed
 
 
@@ -90,17 +91,22 @@ def test_a_failure_is_recorded_with_its_reason_stops_its_users_and_never_gives_d
         "user": "needs bad, which failed",
         "user-of-user": "needs user, which failed",
         "engine": "ERROR: Unknown fix style (line 7)",
-        "silent": "its process ended with exit code 0 before the job was finished",
+        "silent": "its process ended with exit code 0 before the job was finished, 3 times",
     }
     report = quiet(jobs, tmp_path / "campaign", workers=2)
     assert report.failed == reasons
+    assert report.physical == set(reasons) - {"silent"}
     assert set(report.done) == {"good"}
     assert {file.stem for file in (tmp_path / "campaign/failed").iterdir()} == set(reasons)
     assert {file.name for file in (tmp_path / "campaign/results").iterdir()} == {"good"}
     assert "in rejected" in (tmp_path / "campaign/failed/bad.json").read_text()  # the traceback
 
     repair.touch()
-    assert quiet(jobs, tmp_path / "campaign").failed == reasons  # it would fail again: left alone
+    again = quiet(jobs, tmp_path / "campaign")
+    assert again.failed == reasons  # what explains itself would fail again, and is left alone
+    assert again.physical == report.physical
+    log = (tmp_path / "campaign/campaign.log").read_text()
+    assert log.count("failed bad ") == 1 and log.count("failed silent ") == 2
     retried = quiet(jobs, tmp_path / "campaign", retry_failed=True)
     assert set(retried.failed) == {"engine", "silent"}
     assert list(retried.done) == ["bad", "user", "user-of-user", "good"]
@@ -115,23 +121,50 @@ def test_a_killed_job_is_tried_again_in_the_same_run(tmp_path, name):
     assert files_of(tmp_path / "campaign") == {"killed/whole.txt": b"whole"}
     assert report.failed == {}
     log = (tmp_path / "campaign/campaign.log").read_text()
-    assert log.count("again killed") == 2 and f"was killed ({name})" in log
+    assert log.count("again killed") == 2 and f"was ended by {name}" in log
 
 
-def test_a_job_that_is_killed_every_time_is_given_up_but_tried_by_the_next_command(tmp_path):
-    settings = {"count": str(tmp_path / "count"), "times": 3, "signal": "SIGKILL"}
+@pytest.mark.parametrize("name", ["SIGKILL", "SIGSEGV", "SIGABRT", "SIGRTMIN"])
+def test_a_job_that_is_ended_every_time_is_given_up_but_tried_by_the_next_command(tmp_path, name):
+    settings = {"count": str(tmp_path / "count"), "times": 3, "signal": name}
     job = Job("killed", "toy_jobs:killed_at_first", settings, 0)
     report = quiet([job], tmp_path / "campaign")
-    assert report.failed == {"killed": "its process was killed (SIGKILL), 3 times"}
+    assert list(report.failed) == ["killed"] and not report.physical
+    with pytest.raises(EngineError, match=r"killed .*, 3 times.*run the same command again"):
+        report.require_every_result("toy", physical_failures=True)
     assert quiet([job], tmp_path / "campaign").failed == {}
 
 
-def test_a_job_that_crashes_every_time_is_left_alone_afterwards(tmp_path):
-    settings = {"count": str(tmp_path / "count"), "times": 3, "signal": "SIGSEGV"}
-    job = Job("crash", "toy_jobs:killed_at_first", settings, 0)
-    for _ in range(2):
-        report = quiet([job], tmp_path / "campaign")
-        assert report.failed == {"crash": "its process crashed (SIGSEGV), 3 times"}
+def test_a_job_whose_helper_process_is_killed_is_tried_again(tmp_path):
+    settings = {"count": str(tmp_path / "count"), "times": 1}
+    job = Job("helped", "toy_jobs:loses_its_helper", settings, 0)
+    report = quiet([job], tmp_path / "campaign")
+    assert report.failed == {}
+    assert files_of(tmp_path / "campaign") == {"helped/whole.txt": b"whole"}
+
+
+@pytest.mark.parametrize("error", ["OSError", "MemoryError"])
+def test_an_error_of_the_machine_is_tried_again_in_the_same_run(tmp_path, error):
+    settings = {"count": str(tmp_path / "count"), "times": 2, "error": error}
+    report = quiet([Job("flaky", "toy_jobs:raises_at_first", settings, 0)], tmp_path / "campaign")
+    assert report.failed == {}
+
+
+def test_an_exception_that_is_not_physical_is_tried_again_by_the_next_command(tmp_path):
+    settings = {"count": str(tmp_path / "count"), "times": 1, "error": "KeyError"}
+    job = Job("odd", "toy_jobs:raises_at_first", settings, 0)
+    report = quiet([job], tmp_path / "campaign")
+    assert report.failed and not report.physical
+    assert quiet([job], tmp_path / "campaign").failed == {}
+
+
+def test_only_a_design_that_allows_physical_failures_goes_on_without_their_results(tmp_path):
+    bad = Job("bad", "toy_jobs:rejected", {"repair": str(tmp_path / "no")}, 0)
+    user = Job("user", "toy_jobs:rejected", {"repair": __file__}, 0, ("bad",))
+    report = quiet([bad, user], tmp_path)
+    report.require_every_result("toy", physical_failures=True)
+    with pytest.raises(EngineError, match=r"2 of 2 jobs.*bad \(grains were lost.*--retry-failed"):
+        report.require_every_result("toy")
 
 
 def test_killed_command_takes_its_jobs_along_and_resumes_without_loss(

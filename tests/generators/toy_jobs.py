@@ -1,9 +1,11 @@
 """Jobs for the tests of the campaign executor: small, deterministic, or broken on purpose."""
 
+import builtins
 import ctypes
 import os
 import random
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Mapping
@@ -36,15 +38,42 @@ def walk_of(result: Path) -> list[float]:
     return [float(line) for line in (result / "walk.txt").read_text().splitlines()]
 
 
-def killed_at_first(configuration: Configuration, seed: int, inputs: Inputs, out: Path) -> None:
-    """End by the named signal until it has done so `times` times, as counted in a file."""
+PHYSICAL_FAILURES = (EngineError,)
+
+
+def _called_too_early(configuration: Configuration) -> bool:
+    """Whether this is one of the first `times` calls, as counted in a file."""
     count = Path(configuration["count"])
     calls = int(count.read_text()) if count.exists() else 0
     count.write_text(str(calls + 1))
-    if calls < configuration["times"]:
+    return calls < configuration["times"]
+
+
+def killed_at_first(configuration: Configuration, seed: int, inputs: Inputs, out: Path) -> None:
+    """End by the named signal until it has done so `times` times."""
+    if _called_too_early(configuration):
         (out / "half.txt").write_text("half")
         os.kill(os.getpid(), getattr(signal, configuration["signal"]))
         time.sleep(10.0)
+    (out / "whole.txt").write_text("whole")
+
+
+def loses_its_helper(configuration: Configuration, seed: int, inputs: Inputs, out: Path) -> None:
+    """Start a helper, and end from C without a word when it dies, as MPI does with its daemon."""
+    early = _called_too_early(configuration)
+    helper = subprocess.Popen(["sleep", "60" if early else "0"])
+    if early:
+        (out / "half.txt").write_text("half")
+        helper.kill()
+    if helper.wait():
+        ctypes.CDLL(None).exit(1)
+    (out / "whole.txt").write_text("whole")
+
+
+def raises_at_first(configuration: Configuration, seed: int, inputs: Inputs, out: Path) -> None:
+    """Raise the named built-in exception until it has done so `times` times."""
+    if _called_too_early(configuration):
+        raise getattr(builtins, configuration["error"])("input/output error")
     (out / "whole.txt").write_text("whole")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import abc
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import ClassVar, Self
 
@@ -15,9 +15,10 @@ from granbench.fem.iteration import ImplicitSettings
 from granbench.fem.loading import Loading, LoadingHistory, Pressure
 from granbench.fem.mesh import Floats, PlaneMesh
 from granbench.fem.mesh_file import is_mesh_file, read_mesh
+from granbench.fem.problems.body import require_body, with_boundaries_of
 from granbench.fem.time_step import ExplicitSettings
 from granbench.paths.confining_pressure import RandomConfinement
-from granbench.plausible import LARGEST_STRAIN, LARGEST_STRESS
+from granbench.plausible import LARGEST_STRESS, SMALLEST_STRESS
 
 CYCLES: Mapping[str, tuple[float, ...]] = {
     "monotonic": (),
@@ -28,23 +29,14 @@ CYCLES: Mapping[str, tuple[float, ...]] = {
 """Where each loading turns - unloading, reloading, and so on - as shares of the final strain. With
 the 10 % of the thesis they are its turning points (Sec 6.4)."""
 
+LARGEST_DRIVE = 0.5
+"""Driving strain; small-strain theory has lost its meaning long before."""
+
+FASTEST = 10.0
+"""m/s; a hundred times the thesis' speed, at which inertia alone is analysed."""
+
 CONFINEMENT = 1e5
 """Pa; the thesis' confinement of the models that are defined under compression only."""
-
-LARGEST_SPEED = 1e3
-"""m/s; faster than any wave in soil."""
-
-SAME_BODY = 1e-3
-"""Of a body's extent, by which that of a mesh from a file may differ."""
-
-
-def _span(nodes: Floats) -> Floats:
-    return np.stack([nodes.min(axis=0), nodes.max(axis=0)])
-
-
-def _spoken(nodes: Floats) -> str:
-    (left, bottom), (right, top) = _span(nodes)
-    return f"x from {left:g} to {right:g} m and y from {bottom:g} to {top:g} m"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,21 +94,39 @@ class Problem(abc.ABC):
                     f"{self.name}: {name} cannot be {getattr(self, name)!r}; choose "
                     f"{' or '.join(known)}"
                 )
-        for name, largest, unit in (
-            ("end_strain", LARGEST_STRAIN, " (0.1 is 10 %)"),
-            ("speed", LARGEST_SPEED, " m/s"),
-        ):
-            value = getattr(self, name)
-            if not (0.0 < value < largest):
+        if not 0.0 < self.end_strain <= LARGEST_DRIVE:
+            share = f"; {0.01 * self.end_strain:g} is {self.end_strain:g} %"
+            raise ConfigurationError(
+                f"{self.name}: end_strain is {self.end_strain:g}; give one above 0 and up to "
+                f"{LARGEST_DRIVE:g}, beyond which no strain is small"
+                + (share if LARGEST_DRIVE < self.end_strain <= 100.0 * LARGEST_DRIVE else "")
+            )
+        if not 0.0 < self.speed <= FASTEST:
+            raise ConfigurationError(
+                f"{self.name}: speed is {self.speed:g} m/s; give one above 0 and up to "
+                f"{FASTEST:g}, in m/s (100 mm/s is 0.1)"
+            )
+        if self.load_path is not None:
+            farthest = max(map(abs, self.load_path.values))
+            if not farthest <= LARGEST_DRIVE * self.drive_length:
                 raise ConfigurationError(
-                    f"{self.name}: {name} is {value:g}; give one above 0 and below "
-                    f"{largest:g}{unit}"
+                    f"{self.name}: the load path goes as far as {farthest:g} m, which over the "
+                    f"{self.length} of {self.drive_length:g} m is more than {LARGEST_DRIVE:g}; "
+                    "give displacements in m"
+                )
+        if self.load_path is not None:
+            most = max(map(abs, self.load_path.values))
+            if most >= self.drive_length:
+                raise ConfigurationError(
+                    f"{self.name}: the load path reaches a displacement of {most:g} m, but the "
+                    f"{self.length} is {self.drive_length:g} m: is it in millimetres? State the "
+                    "unit in the file's header, as displacement [mm]"
                 )
         given = 0.0 if isinstance(self.confinement, RandomConfinement) else self.confinement
-        if given is not None and not 0.0 <= given <= LARGEST_STRESS:
+        if given and not SMALLEST_STRESS <= given <= LARGEST_STRESS:
             raise ConfigurationError(
-                f"{self.name}: a confinement of {given:g} Pa is not possible; give 0 to "
-                f"{LARGEST_STRESS:g} Pa (1e5 is 100 kPa)"
+                f"{self.name}: confinement is {given:g} Pa; give a pressure in Pa, 0 for none, or "
+                f"from {SMALLEST_STRESS:g} to {LARGEST_STRESS:g}: 1e5 is 100 kPa"
             )
 
     @property
@@ -177,8 +187,8 @@ class Problem(abc.ABC):
         Raises
         ------
         ConfigurationError
-            If there is none of this name, or the file's lacks a boundary of the problem or is of
-            another body.
+            If there is none of this name, or the file cannot be read, lacks a boundary of the
+            problem, or is of another body.
         """
         name = name or self.default_mesh
         if is_mesh_file(name):
@@ -191,33 +201,14 @@ class Problem(abc.ABC):
 
     def _mesh_of_file(self, file: str) -> PlaneMesh:
         mesh = read_mesh(file)
+        # Some boundaries depend on choices that say nothing about the body, as the surcharge does.
+        own = self.meshes.get("fine", self.meshes[self.default_mesh])()
         try:
-            loading = self.loading(mesh)
-            self._require_body(mesh, loading.boundaries)
+            mesh = with_boundaries_of(mesh, own)
+            require_body(mesh, own, self.loading(mesh).boundaries)
         except ConfigurationError as error:
             raise ConfigurationError(f"mesh {file}, for {self.name}: {error}") from error
         return mesh
-
-    def _require_body(self, mesh: PlaneMesh, boundaries: Sequence[str]) -> None:
-        """Refuse a mesh of another body: lengths and heights of the problem are those of its own.
-
-        Raises
-        ------
-        ConfigurationError
-            If it, or a boundary of it, does not span what the problem's own mesh spans.
-        """
-        own = self.mesh()
-        parts = {"the body": (mesh.nodes, own.nodes)}
-        for name in boundaries:
-            there = mesh.nodes[mesh.nodes_on(name)], own.nodes[own.nodes_on(name)]
-            parts[f"its boundary {name!r}"] = there
-        close = SAME_BODY * np.ptp(own.nodes, axis=0).max()
-        for name, (found, wanted) in parts.items():
-            if np.abs(_span(found) - _span(wanted)).max() > close:
-                raise ConfigurationError(
-                    f"{name} spans {_spoken(found)}, but the problem's {_spoken(wanted)}; scale or "
-                    "move the mesh, or name its boundaries anew"
-                )
 
     def explicit(self) -> ExplicitSettings:
         """How the explicit solver is set by default."""
