@@ -23,8 +23,8 @@ from granbench.paths.programme import Floats
 STEPS = 100
 """Of the thesis: pressures are given at 100 points of x and are linear between them."""
 
-LARGEST_CURVATURE = 1000.0
-"""Its correlation falls to 0.9 from one of the points to the next."""
+LARGEST_CURVATURE = 100.0
+"""Beyond it the pressure turns between the points that it is given at."""
 
 RAMP = 0.2
 """Share of the path over which the variance grows to its full size."""
@@ -55,15 +55,14 @@ class RandomConfinement:
     def __post_init__(self) -> None:
         if not 0.0 < self.curvature <= LARGEST_CURVATURE:
             raise ConfigurationError(
-                f"a random confinement with v_c = {self.curvature:g} cannot be drawn; give one "
-                f"above 0 and up to {LARGEST_CURVATURE:g}, beyond which {STEPS} points cannot "
-                "follow it"
+                f"a random confinement with v_c = {self.curvature:g} cannot be drawn; v_c and "
+                f"mean are above 0, and v_c is at most {LARGEST_CURVATURE:g}"
             )
         if not (0.0 < self.mean < math.inf and 0.0 <= self.deviation < math.inf):
             raise ConfigurationError(
                 f"a random confinement with mean {self.mean:g} Pa and deviation "
-                f"{self.deviation:g} Pa cannot be drawn; the mean must be above 0 and the "
-                "deviation not below it"
+                f"{self.deviation:g} Pa cannot be drawn; v_c and mean are above 0, and the "
+                "deviation is not below it"
             )
 
     def pressures(self) -> tuple[Floats, Floats]:

@@ -26,9 +26,6 @@ TRUTH = {"true": True, "yes": True, "false": False, "no": False}
 
 RANDOM = "random"
 
-LARGEST_CURVATURE = 100.0
-"""Of a random confinement; beyond it the pressure turns between the points that it is given at."""
-
 DRIVE = ("cycles", "end_strain", "speed")
 """Choices that a load path takes the place of."""
 
@@ -120,11 +117,6 @@ def _random_confinement(text: str) -> RandomConfinement:
             f"confinement={text}: the seed is a whole number from 0 to {LARGEST_SEED}"
         )
     curvature = _number("confinement", numbers[0]) if numbers else 1.0
-    if not 0.0 < curvature <= LARGEST_CURVATURE:
-        raise ConfigurationError(
-            f"confinement={text}: v_c is {curvature:g}; give one above 0 and up to "
-            f"{LARGEST_CURVATURE:g}, the thesis has 1 to 5"
-        )
     return RandomConfinement(curvature, int(seed))
 
 
