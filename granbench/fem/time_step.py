@@ -172,17 +172,13 @@ def output_steps(drive: LoadingHistory, time_step: float, settings: ExplicitSett
         If there are too many time steps or turning points.
     """
     count = settings.outputs
-    if not drive.end / time_step <= MOST_STEPS:
-        raise ConfigurationError(
-            f"a loading of {drive.end:.3g} s in time steps of {time_step:.3g} s takes more than "
-            f"{MOST_STEPS:.0g} of them; load faster or shorter"
-        )
-    even = max(1, math.ceil(drive.end / time_step / count - 1e-9)) * np.arange(count + 1)
-    if even[-1] > MOST_STEPS:
+    wanted = drive.end / time_step
+    if not wanted <= MOST_STEPS:
         raise ConfigurationError(
             f"a loading of {drive.end:.3g} s in time steps of {time_step:.3g} s takes "
-            f"{even[-1]:.3g} of them, more than {MOST_STEPS:.0g}; load faster or shorter"
+            f"{wanted:.3g} of them, more than {MOST_STEPS:.0g}; load faster or shorter"
         )
+    even = max(1, math.ceil(wanted / count - 1e-9)) * np.arange(count + 1)
     turns = drive.turning_times / drive.end
     if len(turns) > MOST_TURNS:
         raise ConfigurationError(
