@@ -212,14 +212,14 @@ def test_elements_that_turn_over_are_said(fem):
         first = int(np.flatnonzero(turned)[0])
         strain = float(found["driving_strain"][first])
     assert first > 0 and turned[0] == 0
-    note = out.splitlines()[1]
+    (note,) = [line for line in out.splitlines() if "turned over" in line]
     assert note.startswith(
         f"note: elements have turned over, {turned[first]} by output step {first}"
     )
     assert f"at driving strain {strain:.4g}" in note
     found = json.loads(fem(*words, "--json")[1])
     assert (found["first_turned_step"], found["turned_elements"]) == (first, turned.max())
-    assert found["warnings"] == [note.removeprefix("note: ")]
+    assert note.removeprefix("note: ") in found["warnings"]
 
 
 def test_imbalance_at_the_start_is_said(fem):
