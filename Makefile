@@ -1,13 +1,23 @@
-# make setup demo test slow bench lint docs: everything that is done with this checkout.
-# Variables: PYTHON (3.11 or newer), VENV (where it is installed), OUT (where the demo writes).
+# make setup demo test slow bench lint docs wheels revalidate revalidate-changed: everything that
+# is done with this checkout.
+# Variables: PYTHON (3.11 or newer), VENV (where it is installed), OUT (where the demo writes),
+# CORE (where `make core` works). OUT and CORE may hold any character but a line break.
 
 PYTHON ?= python3
 VENV ?= .venv
 OUT ?= demo-out
+CORE ?= campaigns/core
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DELETE_ON_ERROR:
-.PHONY: setup engine browser demo test slow bench lint docs core clean
+.PHONY: setup engine browser demo test slow bench lint docs wheels core clean
+.PHONY: revalidate revalidate-changed
+
+# The shell reads them from its environment and make does not expand them, so that $ and spaces
+# stay what they are.
+override OUT := $(value OUT)
+override CORE := $(value CORE)
+export OUT CORE
 
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
@@ -36,7 +46,7 @@ browser:
 	@.ci/system-packages browser
 
 demo: setup
-	@PATH="$(abspath $(BIN)):$$PATH" bash docs/examples/demo.sh $(OUT)
+	@PATH="$(abspath $(BIN)):$$PATH" bash docs/examples/demo.sh "$$OUT"
 
 # Two processes, each with whole files of tests, so that what a file sets up is set up once.
 test: setup browser
@@ -56,8 +66,16 @@ lint: setup
 	@$(BIN)/python -m zipfile --extract build/wheel/*.whl build/unpacked
 	MYPYPATH=build/unpacked $(BIN)/mypy -p granbench
 
+# Every row of the board is scored or run again, which takes hours; run it again to continue.
+revalidate: setup
+	$(BIN)/granbench leaderboard revalidate --state campaigns/revalidated.json
+
+# Only the rows that differ from where the branch left main, or on main from the commit before.
+revalidate-changed: setup
+	$(BIN)/granbench leaderboard revalidate --changed
+
 docs: setup
-	@for file in datasets/*.nc; do $(BIN)/python -m granbench.data.card $$file --out docs/datasets; done
+	@for file in datasets/*.nc; do $(BIN)/python -m granbench.data.card "$$file" --out docs/datasets; done
 	@$(BIN)/python docs/readme_scores.py
 	@$(BIN)/python docs/random_paths_page.py
 	@$(BIN)/python docs/model_pages.py
@@ -65,11 +83,23 @@ docs: setup
 	@$(BIN)/python docs/fem_page.py
 	@$(BIN)/python docs/docs_index.py
 
+# Both wheels into dist: the package, and its reference datasets as `granbench-data`. Each is built
+# from a copy, so that no old build folder leaks into it and none is left in datasets/.
+wheels: setup
+	@rm -rf build/source dist
+	@mkdir -p build/source/data
+	@cp -RL granbench generators baselines leaderboard pyproject.toml README.md LICENSE LICENSE-DATA \
+	    build/source
+	@cp -RL datasets/. build/source/data
+	@for source in build/source build/source/data; do \
+	    $(BIN)/python -m build --wheel --no-isolation --outdir dist $$source \
+	        >build/wheels.log 2>&1 || { tail -n 20 build/wheels.log; exit 1; }; done
+	@ls -lh dist
+
 # Generates the core dataset anew: about two hours on two cores. Run it again after an
 # interruption; it continues.
-CORE ?= campaigns/core
 core: setup
-	$(BIN)/granbench generate dem-triaxial --preset core --workers 2 --out $(CORE)
+	$(BIN)/granbench generate dem-triaxial --preset core --workers 2 --out "$$CORE"
 
 clean:
-	rm -rf build dist $(VENV) $(OUT)
+	rm -rf build dist $(VENV) "$$OUT"

@@ -173,8 +173,18 @@ class FittedBaseline:
         if description.baseline != self.name:
             raise ModelError(f"{folder}: holds a {description.baseline!r}, not a {self.name!r}")
         order = component_order(tuple(map(str, records["component"].values)))
+        if description.configuration != {"model": self.model}:
+            raise ModelError(f"{folder}: its configuration is not that of {self.model!r}")
+        if several := [name for name, value in weights.items() if value.numel() != 1]:
+            raise ModelError(
+                f"{folder}: parameter {several[0]!r} has {weights[several[0]].numel()} values, not "
+                "one; fit the model again"
+            )
         values = {name: float(value) for name, value in weights.items()}
-        return find_model(self.model)(values, order=order)
+        try:
+            return find_model(self.model)(values, order=order)
+        except ModelError as error:
+            raise ModelError(f"{folder}: {error}") from error
 
 
 def drawn_batch(split: xr.Dataset, count: int, seed: int) -> TestBatch:

@@ -54,13 +54,13 @@ class GruConfiguration:
     output: Literal["absolute", "change"] = "absolute"
 
     def __post_init__(self) -> None:
-        if self.order not in COMPONENT_ORDERS:
+        if not isinstance(self.order, str) or self.order not in COMPONENT_ORDERS:
             raise ModelError(
                 f"unknown component order {self.order!r}; use {', '.join(COMPONENT_ORDERS)}"
             )
         for name in ("hidden", "layers"):
             width = getattr(self, name)
-            if not isinstance(width, int) or width < 1:
+            if isinstance(width, bool) or not isinstance(width, int) or width < 1:
                 raise ModelError(f"{name} is {width!r}; it must be an integer of at least 1")
         if self.output not in OUTPUTS:
             raise ModelError(f"unknown output {self.output!r}; use {', '.join(OUTPUTS)}")
@@ -81,6 +81,10 @@ class GruConfiguration:
     def as_dict(self) -> dict[str, Any]:
         """Settings by name, for a file."""
         return asdict(self)
+
+    def sizes(self) -> dict[str, int]:
+        """See `granbench.baselines.network_baseline.Configuration.sizes`."""
+        return {"layers": self.layers, "hidden": self.hidden}
 
     @property
     def components(self) -> int:

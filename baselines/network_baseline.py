@@ -9,13 +9,15 @@ from typing import Any, Generic, Protocol, Self, TypeVar
 
 import torch
 import xarray as xr
-from torch import nn
+from torch import Tensor, nn
 
 from granbench import __version__
 from granbench.baseline import TrainingRequest
 from granbench.baselines.training import Limits, Recipe, TrainingOutcome, train
 from granbench.baselines.training.batches import BatchSource
 from granbench.baselines.training.model_files import (
+    DESCRIPTION_FILE,
+    WEIGHTS_FILE,
     ModelDescription,
     load_weights,
     read_model,
@@ -36,6 +38,9 @@ class Configuration(Protocol):
 
     def as_dict(self) -> dict[str, Any]:
         """Settings by name, for a file."""
+
+    def sizes(self) -> Mapping[str, int]:
+        """Number of layers, as `layers`, and widths by name: what memory depends on."""
 
 
 ConfigurationT = TypeVar("ConfigurationT", bound=Configuration)
@@ -156,9 +161,39 @@ class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
         description, weights = read_model(folder)
         if description.baseline != self.name:
             raise ModelError(f"{folder}: holds a {description.baseline!r}, not a {self.name!r}")
-        network = self.network(self.configuration_of(description.configuration))
+        configuration = self.configuration_of(description.configuration)
+        self._check_size(configuration, weights, folder)
+        network = self.network(configuration)
         load_weights(network, weights, folder)
         return self.cell(network)
+
+    def _check_size(
+        self, configuration: ConfigurationT, weights: Mapping[str, Tensor], folder: Path
+    ) -> None:
+        """Compare the declared architecture with the tensors, before anything of it is allocated.
+
+        Raises
+        ------
+        ModelError
+            If they differ.
+        """
+        largest = max((max(tensor.shape, default=1) for tensor in weights.values()), default=1)
+        bounds = {"layers": len(weights)}
+        for name, size in configuration.sizes().items():
+            if size > bounds.get(name, largest):
+                raise ModelError(
+                    f"{folder}: {DESCRIPTION_FILE} has {name} {size}, but no tensor of "
+                    f"{WEIGHTS_FILE} is of such a network; copy both files anew"
+                )
+        with torch.device("meta"):
+            expected = self.network(configuration).state_dict()
+        for name in sorted(expected.keys() | weights.keys()):
+            shapes = [tuple(found[name].shape) for found in (expected, weights) if name in found]
+            if len(shapes) < 2 or shapes[0] != shapes[1]:
+                raise ModelError(
+                    f"{folder / WEIGHTS_FILE}: does not fit the architecture in "
+                    f"{DESCRIPTION_FILE} (tensor {name!r}); copy both files anew"
+                )
 
 
 def usable_device(name: str) -> torch.device:

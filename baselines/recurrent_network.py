@@ -62,8 +62,10 @@ class RecurrentConfiguration:
         if self.restart_every is not None:
             widths["restart_every"] = self.restart_every
         for name, width in widths.items():
-            if not isinstance(width, int) or width < 1:
+            if isinstance(width, bool) or not isinstance(width, int) or width < 1:
                 raise ModelError(f"{name} is {width!r}; it must be an integer of at least 1")
+        if not isinstance(self.initial_layer, bool):
+            raise ModelError(f"initial_layer is {self.initial_layer!r}; it must be true or false")
         if self.output not in OUTPUTS:
             raise ModelError(f"unknown output {self.output!r}; use {', '.join(OUTPUTS)}")
         if not self.initial_layer and (self.output != "absolute" or self.restart_every):
@@ -90,6 +92,11 @@ class RecurrentConfiguration:
     def as_dict(self) -> dict[str, Any]:
         """Settings by name, for a file."""
         return asdict(self)
+
+    def sizes(self) -> dict[str, int]:
+        """See `granbench.baselines.network_baseline.Configuration.sizes`."""
+        widths = {"hidden": self.hidden, "read_out_width": self.read_out_width}
+        return widths | ({"initial_width": self.initial_width} if self.initial_layer else {})
 
     @property
     def change_lag(self) -> int:

@@ -1,11 +1,12 @@
 """The datasets that can be generated, and the function that does it."""
 
+import os
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from granbench.errors import RegistryError
+from granbench.errors import ConfigurationError, RegistryError
 from granbench.generators.campaign import CampaignReport
 
 Generate = Callable[..., tuple[Path, CampaignReport]]
@@ -38,3 +39,24 @@ def generator(dataset: str) -> Generate:
     module, _, name = GENERATORS[dataset].partition(":")
     function: Any = getattr(import_module(module), name)
     return function
+
+
+def require_usable(folder: Path) -> None:
+    """Refuse, before hours of work, a folder into which no dataset could be written.
+
+    Raises
+    ------
+    ConfigurationError
+        If the netCDF library cannot write to a file of that path.
+    """
+    raw = os.fsencode(folder)
+    try:
+        text = raw.decode()
+    except UnicodeDecodeError:
+        text = ""
+    if not text or "\\" in text:
+        shown = raw.decode(errors="replace")
+        raise ConfigurationError(
+            f"{shown}: netCDF cannot write below a folder whose name has a backslash or is not "
+            "UTF-8; name another folder with --out"
+        )

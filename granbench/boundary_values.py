@@ -18,6 +18,10 @@ from granbench.errors import DatasetError
 EMBEDDED_ANALYSES = "embedded_analyses"
 """Global attribute: JSON, a list of `EmbeddedAnalysis`."""
 
+NOT_IN_THE_PLANE = "the analyses are in the plane, the records are not"
+READS_RECORDS = "the model reads its answers from the records and has none inside an analysis"
+"""Why the analyses that a dataset states are not made: for a dataset, for a ceiling."""
+
 EXPLICIT, IMPLICIT = SOLVERS = ("explicit", "implicit")
 
 

@@ -42,9 +42,18 @@ _BOOT = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from granbench.bounded_reading import serve; serve()"
 )
+_preparations: list[Callable[[], object]] = []
 _lock = threading.Lock()
 _server: tuple[int, "subprocess.Popen[bytes]"] | None = None
 """The process that started the server (a fork must not share it), and the server."""
+
+
+def prepare_server(function: Callable[[], object]) -> None:
+    """Register what the server calls once, after the import of the module that registers it.
+
+    What a library loads at its first use would be loaded for every file again.
+    """
+    _preparations.append(function)
 
 
 def read_bounded(
@@ -178,6 +187,8 @@ def _serve_one(
     with contextlib.suppress(Exception):
         # Imported before the fork, so that the next file finds the libraries loaded.
         importlib.import_module(pickle.loads(request)[0])
+        while _preparations:
+            _preparations.pop()()
     if not hasattr(os, "fork"):
         _answer(request, answer_file)
         return "answered"

@@ -5,21 +5,26 @@
 
 import importlib
 import inspect
-import json
+import random
 import sys
-import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import torch
 import xarray as xr
 
 from granbench.baseline import DESCRIPTION_FILE, Baseline, baseline_names, find_baseline
 from granbench.cell import MaterialCell
-from granbench.errors import ConfigurationError, GranbenchError, ModelError, alternatives
+from granbench.cell_form import require_attributes
+from granbench.errors import ConfigurationError, ModelError, alternatives
+from granbench.json_reading import read_json_object
 from granbench.models import MODELS
 from granbench.tensors import component_order
+from granbench.user_code import user_code
 
 DEFAULT_SEEDS = (0, 1, 2)
 FITTED_FILE = "parameters.json"
@@ -32,7 +37,7 @@ class Candidate:
 
     Parameters
     ----------
-    name : what the leaderboard calls it unless told otherwise
+    name : what the leaderboard calls it unless another name is given
     cells : its material cell for each seed
     baseline : the registered baseline that it is, if it is one
     training_data : what it was trained on, as far as its files say
@@ -54,7 +59,7 @@ class Candidate:
 
     @property
     def floor(self) -> bool:
-        """Whether it frames the table, unless told otherwise, as a fitted classical model does."""
+        """Whether it frames the table by default, as a fitted classical model does."""
         return not self.trained or getattr(self.baseline, "floor", False)
 
     @property
@@ -82,7 +87,7 @@ def find_candidate(
     model : name of a baseline; folder of a trained one; name of a classical model, which then
         has its default parameters, or a parameter file (.json) of one; or
         ``package.module:factory``, where the factory takes any of `seed`, `model_dir` and
-        `records` and returns a `MaterialCell`
+        `records` and returns a `MaterialCell`; whatever it draws at random follows from the seed
     records : the whole dataset of the task
     folders : trained models, one a seed
     seeds : one a folder, or those that a model without folders is evaluated for; by default
@@ -224,13 +229,11 @@ def _untrained(name: str, records: xr.Dataset, seeds: Sequence[int] | None) -> C
 
 def _architecture(folder: Path) -> str:
     """Name of the baseline that a trained model's folder holds; ModelError if it is damaged."""
-    path = folder / DESCRIPTION_FILE
-    try:
-        return str(json.loads(path.read_text())["baseline"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ModelError(
-            f"{path}: is damaged ({error}); train the model again or copy the file anew"
-        ) from error
+    path, remedy = folder / DESCRIPTION_FILE, "train the model again or copy the file anew"
+    name = read_json_object(path, ModelError, remedy=remedy).get("baseline")
+    if not isinstance(name, str):
+        raise ModelError(f"{path}: is damaged ('baseline' must be text); {remedy}")
+    return name
 
 
 def _labels(folders: Sequence[Path], seeds: Sequence[int] | None) -> tuple[int, ...]:
@@ -252,10 +255,9 @@ def _labels(folders: Sequence[Path], seeds: Sequence[int] | None) -> tuple[int, 
 
 def _description(folder: Path) -> dict[str, Any]:
     try:
-        content = json.loads((folder / DESCRIPTION_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return read_json_object(folder / DESCRIPTION_FILE, ModelError, remedy="")
+    except ModelError:
         return {}
-    return content if isinstance(content, dict) else {}
 
 
 def _training(folder: Path) -> dict[str, Any]:
@@ -281,43 +283,106 @@ def _factory(model: str) -> Callable[..., Any]:
     module_name, _, attribute = model.partition(":")
     if "" not in sys.path:
         sys.path.insert(0, "")  # a user's own module lies where the command is run
-    try:
-        module = importlib.import_module(module_name)
-    except ModuleNotFoundError as error:
-        raise ModelError(
-            f"there is no module {error.name!r} for model {model!r}; run the command where it "
-            "can be imported"
-        ) from error
-    except Exception as error:
-        raise _failure(f"module {module_name!r} cannot be imported", error) from error
+    with user_code(f"module {module_name!r} cannot be imported"):
+        try:
+            module = importlib.import_module(module_name)
+        except ModuleNotFoundError as error:
+            if not _names_no_module(module_name, error.name):
+                raise  # it is there, but something that it imports is not
+            raise ModelError(
+                f"there is no module {error.name!r} for model {model!r}; {_way_to(module_name)}"
+            ) from error
     factory = getattr(module, attribute, None)
-    if not callable(factory):
+    if isinstance(factory, MaterialCell | torch.nn.Module):
         raise ModelError(
-            f"module {module_name!r} has no function {attribute!r}; give package.module:function"
+            f"{model} is {_article(factory)} itself; give a function without arguments that "
+            f"{'returns it' if isinstance(factory, MaterialCell) else WRAPPING}"
+        )
+    if not callable(factory):
+        functions = [name for name, value in vars(module).items() if inspect.isfunction(value)]
+        raise ModelError(
+            f"module {module_name!r} has no function {attribute!r}: "
+            f"{alternatives(attribute, functions)}; give package.module:function"
         )
     return factory
 
 
+def _names_no_module(wanted: str, missing: str | None) -> bool:
+    """Whether what is missing is the module itself, or a package that it should lie in."""
+    return missing is None or wanted == missing or wanted.startswith(f"{missing}.")
+
+
+def _way_to(module_name: str) -> str:
+    path = Path(module_name)
+    if path.suffix == ".py" or len(path.parts) > 1:
+        return f"give a module as Python imports it: {'.'.join(path.with_suffix('').parts)}"
+    return "run the command where it can be imported"
+
+
 def _made(factory: Callable[..., Any], model: str, **offered: Any) -> MaterialCell:
-    try:
-        parameters = inspect.signature(factory).parameters
+    with user_code(f"{model} failed"):
+        parameters = _parameters(factory)
+        lacking = [
+            name
+            for name, parameter in parameters.items()
+            if parameter.default is parameter.empty
+            and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+            and (name not in offered or parameter.kind is parameter.POSITIONAL_ONLY)
+        ]
+        if lacking:
+            raise ModelError(
+                f"{model} wants the argument {lacking[0]!r}, but a model is made with "
+                f"{', '.join(offered)} alone, by keyword; give {lacking[0]!r} a default value"
+            )
         wanted = {name: value for name, value in offered.items() if name in parameters}
-        cell = factory(**wanted)
-    except GranbenchError:
-        raise
-    except Exception as error:
-        raise _failure(f"{model} failed", error) from error
+        with _drawn_from(int(offered["seed"])):
+            cell = factory(**wanted)
     if not isinstance(cell, MaterialCell):
-        raise ModelError(
-            f"{model} returned a {type(cell).__name__}, not a MaterialCell; wrap a torch module "
-            "in granbench.cell.ModuleCell"
-        )
+        raise ModelError(f"{model} returned {_article(cell)}; {_remedy(cell)}")
+    with user_code(f"{model} failed"):
+        require_attributes(cell)
     return cell
 
 
-def _failure(what: str, error: Exception) -> ModelError:
-    place = traceback.extract_tb(error.__traceback__)[-1]
-    return ModelError(
-        f"{what} with {type(error).__name__} ({error}) at {Path(place.filename).name} line "
-        f"{place.lineno}; mend it"
+def _parameters(factory: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
+    try:
+        return inspect.signature(factory).parameters
+    except ValueError:  # of some functions that are not written in Python
+        return {}
+
+
+@contextmanager
+def _drawn_from(seed: int) -> Iterator[None]:
+    """Random numbers of torch, NumPy and Python that follow from the seed, for new weights."""
+    before = random.getstate(), np.random.get_state()  # noqa: NPY002, a user's code may draw so
+    with torch.random.fork_rng(devices=[]):
+        try:
+            torch.manual_seed(seed % 2**63)
+            np.random.seed(seed % 2**32)  # noqa: NPY002
+            random.seed(seed)
+            yield
+        finally:
+            random.setstate(before[0])
+            np.random.set_state(before[1])  # noqa: NPY002
+
+
+WRAPPING = "returns granbench.cell.ModuleCell(module, name=...)"
+
+
+def _article(found: object) -> str:
+    if found is None:
+        return "nothing"
+    if isinstance(found, type):
+        return f"the class {found.__name__}"
+    return f"an object of type {type(found).__name__}"
+
+
+def _remedy(found: object) -> str:
+    """What to do with something that is not a cell."""
+    if found is None:
+        return "end it with `return` and the cell"
+    if isinstance(found, type):
+        return f"return an instance, as {found.__name__}()"
+    return (
+        "return a MaterialCell; wrap a torch module in granbench.cell.ModuleCell(module, name=...)"
     )

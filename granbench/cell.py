@@ -6,15 +6,19 @@ Everything else - rollout, single-step prediction, finite elements - is derived 
 """
 
 import abc
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import final
+from typing import Any, final
 
 import torch
 from torch import Tensor
 
-from granbench.errors import ModelError
+from granbench.errors import GranbenchError, ModelError
+from granbench.step_differences import step_and_differences
 from granbench.tensors import COMPONENT_ORDERS
+
+FLOATING_FAILURES = (ArithmeticError, torch.linalg.LinAlgError)
+"""What a cell may raise for a point that it cannot follow, in place of a NaN stress."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +185,10 @@ class MaterialCell(abc.ABC):
         """
 
     def tangent(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """One strain increment with its tangent; by automatic differentiation unless overridden.
+        """One strain increment with its tangent.
+
+        Unless overridden it comes from automatic differentiation or, where `differentiated` finds
+        no derivative, from differences of steps.
 
         Parameters
         ----------
@@ -193,16 +200,37 @@ class MaterialCell(abc.ABC):
         tangent : (point, component, component), Pa; d stress_i / d strain_j, where moving a
             shear strain moves both of its entries in the tensor
         """
-        with torch.enable_grad():
-            variable = dstrain.detach().requires_grad_()
-            stress, after = self.step(variable, state.detach())
-            rows = [
-                torch.autograd.grad(component.sum(), variable, retain_graph=True)[0]
-                if component.requires_grad
-                else torch.zeros_like(dstrain)
-                for component in stress.unbind(dim=-1)
-            ]
-        return stress.detach(), after.detach(), torch.stack(rows, dim=1)
+        found = self.differentiated(dstrain, state)
+        return found or step_and_differences(self.step, dstrain.detach(), state.detach())
+
+    @final
+    def differentiated(
+        self, dstrain: Tensor, state: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor] | None:
+        """What `tangent` returns, by automatic differentiation.
+
+        None where torch cannot follow the step from strain to stress: it is made without gradients
+        (`torch.no_grad`, `detach`), outside of torch (NumPy), or in place.
+        """
+        try:
+            with torch.enable_grad():
+                variable = dstrain.detach().requires_grad_()
+                stress, after = self.step(variable, state.detach())
+                rows = [
+                    torch.autograd.grad(
+                        component.sum(), variable, retain_graph=True, allow_unused=True
+                    )[0]
+                    for component in stress.unbind(dim=-1)
+                    if component.requires_grad
+                ]
+        except (GranbenchError, *FLOATING_FAILURES):
+            raise
+        except Exception:  # a mistake in the step itself shows again where it is made without
+            return None
+        found = [row for row in rows if row is not None]
+        if len(found) < stress.shape[-1]:
+            return None
+        return stress.detach(), after.detach(), torch.stack(found, dim=1)
 
     def condition(self, history: History) -> Tensor:
         """State (point, n_state) that a true record implies at its last step.
@@ -336,17 +364,29 @@ class ModuleCell(MaterialCell):
         return scalars.get(name, scalars.get(f"initial_{name}"))
 
     def step(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
-        """See `MaterialCell.step`."""
-        result = self.module(dstrain, state)
-        if isinstance(result, tuple):
-            return result
+        """See `MaterialCell.step`.
+
+        The module gets copies and what it returns is copied, so that it may work in place.
+        """
+        result = self.module(dstrain.clone(), state.clone())
+        if isinstance(result, tuple | list):
+            stress, after = _copies(result)
+            return stress, after
         if self.layout.size != self.component_count:
             raise ModelError(
                 f"the module of {self.name!r} returns only a stress but its layout has "
                 f"{self.layout.size} state entries; return (stress, state) instead"
             )
-        return result, result
+        (stress,) = _copies([result])
+        return stress, stress
 
     def parameters_count(self) -> int:
         """Number of trainable parameters of the module."""
         return sum(parameter.numel() for parameter in self.module.parameters())
+
+
+def _copies(parts: Sequence[Any]) -> list[Any]:
+    """Copies of tensors, without a graph of gradients where none is asked for."""
+    if not torch.is_grad_enabled():
+        parts = [part.detach() if isinstance(part, Tensor) else part for part in parts]
+    return [part.clone() if isinstance(part, Tensor) else part for part in parts]

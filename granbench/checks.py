@@ -123,6 +123,22 @@ CHECKS: dict[str, Check] = {
     )
 }
 
+READS_RECORDS = "the model reads its answers from the records and has none for other increments"
+PRINCIPAL = "the records hold principal components, which cannot be turned"
+CARRIES_TENSION = "the material of this task may carry tension"
+NO_STRESS_OUT_OF_PLANE = (
+    "the mean stress of this task includes the stress out of the plane, which the model does not "
+    "predict"
+)
+"""Why a check does not apply: to a ceiling, to a task, or to a kind of model."""
+
+NO_TANGENT = (
+    "the cell offers no tangent and its step cannot be differentiated",
+    "the model gives torch no gradients",
+    "the tangent of the model fails",
+)
+"""Beginnings of what `granbench.protocols.tangent` says of models without a tangent."""
+
 STRESS_CHECKS = ("zero-increment", "substeps-10", "substeps-100", "rotation", "swap")
 """Those that measure a change of stress, Pa, which scoring divides by standard deviations."""
 

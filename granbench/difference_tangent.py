@@ -2,14 +2,10 @@
 
 from typing import final
 
-import torch
 from torch import Tensor
 
 from granbench.cell import Conditions, MaterialCell
-
-SHARE = 1e-3
-LEAST = 1e-8
-"""Strain of a difference: a share of the increment, but no less."""
+from granbench.step_differences import step_and_differences
 
 
 def with_cheap_tangent(cell: MaterialCell) -> MaterialCell:
@@ -23,14 +19,14 @@ class DifferenceTangent(MaterialCell):
 
     Automatic differentiation of a substepped model costs several steps. Here copies of the points,
     one a strain component, go through the cell in the batch of the step itself, and the next call
-    of `tangent` is told of them. What a small batch costs is the number of calls, not of points.
+    of `tangent` uses them. What a small batch costs is the number of calls, not of points.
 
     Newton's method only needs a good direction: what it converges to does not depend on the
     tangent. Where the tangent itself is an answer, take the cell's own.
 
     Parameters
     ----------
-    cell : left as it was; its answers are not changed by a bit
+    cell : left as it was; its answers change by the rounding of a larger batch at most
     """
 
     cheap_tangent = True
@@ -48,7 +44,7 @@ class DifferenceTangent(MaterialCell):
 
     def step(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """See `MaterialCell.step`."""
-        stress, after, tangent = self._differences(dstrain, state)
+        stress, after, tangent = step_and_differences(self._cell.step, dstrain, state)
         self._last = (dstrain, state, (stress, after, tangent))
         return stress, after
 
@@ -61,19 +57,4 @@ class DifferenceTangent(MaterialCell):
             same = (self._last[0] == dstrain).all(dim=1) | (dstrain == 0.0).all(dim=1)
             if same.all():
                 return self._last[2]
-        return self._differences(dstrain, state)
-
-    @torch.no_grad()
-    def _differences(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Stress, state and tangent from one step of all points and their copies."""
-        points, components = dstrain.shape
-        size = (SHARE * dstrain.abs().amax(dim=1)).clamp(min=LEAST)
-        shifts = dstrain.new_zeros(components + 1, points, components)
-        for component in range(components):
-            shifts[component + 1, :, component] = size
-        stress, after = self._cell.step(
-            (dstrain + shifts).flatten(0, 1), state.repeat(components + 1, 1)
-        )
-        own, *moved = stress.unflatten(0, (components + 1, points)).unbind()
-        columns = [(other - own) / size[:, None] for other in moved]
-        return own, after[:points], torch.stack(columns, dim=2)
+        return step_and_differences(self._cell.step, dstrain, state)

@@ -11,6 +11,7 @@ from torch import Tensor
 from granbench.baseline import baseline_names
 from granbench.candidate import find_candidate, unknown_model
 from granbench.cell import Conditions, MaterialCell
+from granbench.cell_form import require_tensor
 from granbench.data.verification import task_file
 from granbench.errors import ConfigurationError, ModelError
 from granbench.models import MODELS, ClassicalCell, find_model
@@ -18,6 +19,7 @@ from granbench.models.parameter_file import cell_from_file, read_parameters
 from granbench.paths.mixed_control import isotropic_stress
 from granbench.plausible import LARGEST_STRESS, VOID_RATIOS
 from granbench.records import open_records
+from granbench.user_code import user_code
 
 DEFAULT_PRESSURE = 1e5
 DEFAULT_TASK = "dem-triaxial-mini"
@@ -175,10 +177,11 @@ class Start:
             known.pop("initial_void_ratio", None)
         for name, value in self.scalars.items():
             known[name] = torch.full((len(stress),), value, dtype=torch.float64)
-        given = _Given(stress, _Watched(known))
+        given = _Given(stress, _ReadScalars(known))
         try:
-            with torch.no_grad():
+            with torch.no_grad(), user_code(f"{cell.name} failed to make its first state"):
                 state = cell.initial_state(given)
+            require_tensor(cell, "initial_state", "a state", state, (len(stress), cell.layout.size))
         except ModelError as error:
             raise ModelError(f"{self._shown()}{error}") from error
         for name in self.scalars:
@@ -219,8 +222,8 @@ def _option(name: str) -> str:
     return f"{OPTIONS[name]} " if name in OPTIONS else f"--start {name}="
 
 
-class _Watched(Mapping[str, Tensor]):
-    """Scalars that remember which of them were read."""
+class _ReadScalars(Mapping[str, Tensor]):
+    """Scalars with the names of those that were read."""
 
     def __init__(self, scalars: Mapping[str, Tensor]) -> None:
         self._scalars = scalars
@@ -244,7 +247,7 @@ class _Watched(Mapping[str, Tensor]):
 class _Given(Conditions):
     """Conditions from options: what is missing among them is said in terms of options."""
 
-    scalars: _Watched = field(default_factory=lambda: _Watched({}))
+    scalars: _ReadScalars = field(default_factory=lambda: _ReadScalars({}))
 
     def require(self, name: str) -> Tensor:
         """See `Conditions.require`."""

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from granbench import __version__
 from granbench.cell import MaterialCell
+from granbench.cell_check import checked_cell, spread_rows
 from granbench.driven_model import ModelChoice
 from granbench.element_test import ElementTest, Failure, run_test
 from granbench.errors import ConfigurationError
@@ -20,6 +21,7 @@ from granbench.paths.programme import Floats, LoadingProgramme
 from granbench.paths.strain_files import STRAIN, STRESS, PathTable
 from granbench.plausible import LARGEST_STRAIN
 from granbench.tensors import COMPONENT_ORDERS, component_order, least_principal, normal_mask
+from granbench.user_code import user_code
 
 NO_TENSION = 1e-6
 """Share of the largest stress below which a tension is rounding."""
@@ -210,12 +212,14 @@ class Answer:
     test : the run
     records : as stress-strain records, the reference step included; float64
     added : steps before the first row of the file that was driven along
+    notes : on what was put right of the cell, see `granbench.cell_check`
     """
 
     order: str
     test: ElementTest
     records: xr.Dataset
     added: int
+    notes: tuple[str, ...] = ()
 
     def rows(self) -> tuple[Floats, Floats, dict[str, Floats]]:
         """Strain, stress (row, component) and internals (row,) of the first path."""
@@ -267,8 +271,14 @@ def drive(
     ConfigurationError
         Naming the row, or path and step, where the model cannot follow, or where a soil would
         have no voids left.
+    ModelError
+        If the cell does not pass its check, or raises an error.
     """
-    test = run_test(cell, course.control, state, tolerance=tolerance, on_step=on_step)
+    with (
+        checked_cell(cell, state[spread_rows(len(state))]) as check,
+        user_code(f"{cell.name} failed"),
+    ):
+        test = run_test(cell, course.control, state, tolerance=tolerance, on_step=on_step)
     if test.failures:
         raise ConfigurationError(_failed(test.failures, test, course, cell.name))
     if getattr(cell, "pressure_dependent", False) and "void_ratio" in test.internals:
@@ -285,7 +295,7 @@ def drive(
     if course.records is not None:
         kept = {name: course.records[name].variable for name in CARRIED}
         records = records.assign_coords(kept)
-    return Answer(cell.order, test, records, course.added)
+    return Answer(cell.order, test, records, course.added, check.notes)
 
 
 def _refuse_lost_voids(void_ratio: Floats, course: Course, model: str) -> None:

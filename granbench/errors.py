@@ -1,15 +1,11 @@
 """Errors that a user can cause; each text names the file, the field and the remedy."""
 
-import traceback
 from collections.abc import Iterable
 from difflib import get_close_matches
-from pathlib import Path
-
-INSTALLED = "site-packages"
 
 
 class GranbenchError(Exception):
-    """Base of every error that a user can mend; the CLI prints its text and exits with 2."""
+    """Base of every error that a user can cause; the CLI prints its text and exits with 2."""
 
 
 class ConfigurationError(GranbenchError):
@@ -42,20 +38,6 @@ class ModelError(GranbenchError):
 
 class SubmissionError(GranbenchError):
     """A leaderboard submission that cannot be accepted."""
-
-
-def where_it_fell(error: Exception) -> str:
-    """How a stranger's code failed, and where: ``with ValueError (boom) at own.py line 16``.
-
-    The line is the last one that is not a library's, where there is one: of a network that is
-    given a wrong shape, torch would name a line of its own.
-    """
-    frames = traceback.extract_tb(error.__traceback__)
-    own = [frame for frame in frames if INSTALLED not in Path(frame.filename).parts]
-    place = (own or frames)[-1]
-    text = " ".join(str(error).split())
-    why = f" ({text})" if text else ""
-    return f"with {type(error).__name__}{why} at {Path(place.filename).name} line {place.lineno}"
 
 
 def alternatives(name: str, known: Iterable[str]) -> str:

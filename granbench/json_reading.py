@@ -46,7 +46,7 @@ def read_json(
         if not path.exists():
             raise error(f"{path}: there is no such file; {remedy}")
         if not path.is_file():
-            raise error(f"{path}: is not a regular file; {remedy}")
+            raise error(f"{path}: cannot be read (it is not a regular file); {remedy}")
         with path.open("rb") as file:
             content = file.read(largest + 1)
     except (OSError, ValueError) as problem:

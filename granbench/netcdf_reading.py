@@ -11,7 +11,9 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import xarray as xr
+from xarray.backends import NetCDF4BackendEntrypoint
 
+from granbench.bounded_reading import prepare_server
 from granbench.errors import GranbenchError
 
 LARGEST_EXPANSION = 100
@@ -32,6 +34,9 @@ INTERPRETED_ATTRIBUTES = ("units", "long_name", "coordinates", "content_sha256")
 """Attributes of a variable that must be text, for they are compared with text."""
 
 _SIGNATURES = (b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02", b"CDF\x05")
+
+# The first conversion makes xarray import dask, where it is installed: a second of computation.
+prepare_server(lambda: xr.Variable("path", np.zeros(1)).astype(np.float32))
 
 
 def require_netcdf(path: Path, error: type[GranbenchError], remedy: str) -> None:
@@ -99,7 +104,8 @@ def open_netcdf(
         if fault is None:
             ds = xr.open_dataset(
                 path,
-                engine="netcdf4",
+                # Not by name: xarray would look for other engines first, which takes a second.
+                engine=NetCDF4BackendEntrypoint,
                 chunks=chunks,
                 mask_and_scale=False,
                 decode_times=False,

@@ -21,8 +21,10 @@ import xarray as xr
 
 from granbench.axes import NOISE_PROTOCOLS, PROTOCOLS
 from granbench.boundary_values import SOLVERS
+from granbench.bounded_reading import read_bounded
 from granbench.checks import STRESS_CHECKS
 from granbench.errors import ConfigurationError, SubmissionError
+from granbench.netcdf_reading import open_netcdf
 from granbench.rounding import keep_mantissa
 from granbench.whole_file import whole_file
 
@@ -47,8 +49,14 @@ PHYSICS_OBSTACLES = "physics_not_applicable"
 EMBEDDED_OBSTACLE = "embedded_not_applicable"
 """Global attribute where the embedded axis was run: why it does not apply, "" where it does."""
 
+CELL_NOTES = "cell_notes"
+"""Global attribute: JSON, what was put right of the model's cells; absent where nothing was."""
+
 EMBEDDED_FAILURES = "embedded_failures"
 """Global attribute: JSON, why analyses ended early, by SEED/SOLVER/ANALYSIS."""
+
+LARGEST_PREDICTIONS = 2**29
+"""Bytes of values that a file may declare, which is read whole: 30 seeds of the largest task."""
 
 PATH_COORDINATES = ("path_id", "specimen", "split", "loading_family")
 
@@ -152,6 +160,21 @@ def evaluated(dataset: xr.Dataset) -> xr.Dataset:
     return dataset.isel(path=chosen)
 
 
+def is_deterministic(predictions: xr.Dataset) -> bool:
+    """Whether several seeds are one and the same model: all that no seed enters is the same.
+
+    Only the draws of the noise differ then. Of one seed, and where nothing is compared with
+    recorded paths but noise, nobody can tell: not so.
+    """
+    if "protocol" not in predictions.dims or predictions.sizes["seed"] < 2:
+        return False
+    drawn = np.isin(predictions["protocol"].values.astype(str), NOISE_PROTOCOLS)
+    if drawn.all():
+        return False
+    first, *others = predictions["stress"].values[:, ~drawn]
+    return all(np.array_equal(first, other, equal_nan=True) for other in others)
+
+
 def assemble(
     predicted: Mapping[str, np.ndarray],
     *,
@@ -225,32 +248,45 @@ def write_predictions(predictions: xr.Dataset, path: Path) -> None:
 
 
 def open_predictions(path: Path) -> xr.Dataset:
-    """Read a predictions file whole and check its layout.
+    """Read a predictions file whole and check its layout, in a child process with bounds.
 
     Raises
     ------
     SubmissionError
-        If it is missing, not netCDF or not in the layout.
+        If it is missing, not netCDF, larger than `LARGEST_PREDICTIONS`, not in the layout, or
+        cannot be read within the bounds of `read_bounded`.
     """
     if not path.is_file():
         raise SubmissionError(
             f"the predictions file {path} is missing; it belongs beside the submission"
         )
-    try:
-        with xr.open_dataset(path, engine="netcdf4", decode_timedelta=False) as handle:
-            predictions = handle.load()
-    except (OSError, ValueError, RuntimeError) as error:
-        raise SubmissionError(
-            f"{path} cannot be read as netCDF ({error}); run `granbench evaluate` again"
-        ) from error
-    _check_layout(predictions, path)
+    return read_bounded(path, SubmissionError, read_predictions_here, path)
+
+
+def read_predictions_here(path: Path) -> xr.Dataset:
+    """As `open_predictions`, in this process.
+
+    Raises
+    ------
+    SubmissionError
+        See `open_predictions`.
+    """
+    with open_netcdf(path, SubmissionError, _REMEDY, largest=LARGEST_PREDICTIONS) as predictions:
+        _check_variables(predictions, path)  # before any value is read
+        predictions.load()
+        _check_labels(predictions, path)
     return predictions
 
 
-def _check_layout(predictions: xr.Dataset, path: Path) -> None:
-    remedy = "run `granbench evaluate` again"
+_REMEDY = "run `granbench evaluate` again"
+_LABELS = {"noise": NOISE_PROTOCOLS, "check": STRESS_CHECKS, "solver": SOLVERS}
+
+
+def _check_variables(predictions: xr.Dataset, path: Path) -> None:
+    """Names, dimensions, types and attributes; values are not read."""
+    remedy = _REMEDY
     predicts = "protocol" in predictions.dims
-    if predicts and "stress" not in predictions:
+    if predicts and "stress" not in predictions.data_vars:
         raise SubmissionError(f"{path} lacks the variable 'stress'; {remedy}")
     for label, variable in predictions.data_vars.items():
         name = str(label)
@@ -263,21 +299,52 @@ def _check_layout(predictions: xr.Dataset, path: Path) -> None:
             )
         if variable.dtype.kind != "f":
             raise SubmissionError(f"{path}: {name!r} does not hold numbers; {remedy}")
-    labelled = {"seed", "path_id", *(str(dim) for dim in predictions.dims)} - {"path", "step"}
-    required = {*labelled, *PATH_COORDINATES} | ({"first_predicted_step"} if predicts else set())
+    for name, coordinate in predictions.coords.items():
+        if name in LAYOUT or coordinate.ndim != 1:
+            raise SubmissionError(f"{path}: {name!r} is not a coordinate; {remedy}")
+    for name, value in predictions.attrs.items():
+        if not isinstance(value, str) and np.ndim(value) > 0:
+            raise SubmissionError(
+                f"{path}: attribute {name!r} is neither text nor a number; {remedy}"
+            )
+    required = {*_labelled(predictions), *PATH_COORDINATES}
+    if predicts:
+        required.add("first_predicted_step")
     for name in sorted(required):
         if name not in predictions.coords:
             raise SubmissionError(f"{path} lacks the coordinate {name!r}; {remedy}")
-    for name in sorted(labelled):
+    for name in ("seed", "first_predicted_step"):
+        if name in required and predictions[name].dtype.kind not in "iu":
+            raise SubmissionError(f"{path}: {name!r} does not hold integers; {remedy}")
+    for name in PATH_COORDINATES:
+        if predictions[name].dims != ("path",) or predictions[name].dtype.kind not in "OSU":
+            raise SubmissionError(f"{path}: {name!r} does not hold a label for each path; {remedy}")
+    if predicts and predictions["first_predicted_step"].dims != ("protocol",):
+        raise SubmissionError(f"{path}: 'first_predicted_step' is not one a protocol; {remedy}")
+    if empty := [str(name) for name, length in predictions.sizes.items() if not length]:
+        raise SubmissionError(f"{path}: dimension {empty[0]!r} has no entry; {remedy}")
+
+
+def _labelled(predictions: xr.Dataset) -> set[str]:
+    """Coordinates whose values are all different."""
+    return {"seed", "path_id", *(str(dim) for dim in predictions.dims)} - {"path", "step"}
+
+
+def _check_labels(predictions: xr.Dataset, path: Path) -> None:
+    """The values of the coordinates."""
+    remedy = _REMEDY
+    for name in sorted(_labelled(predictions)):
         values, counts = np.unique(predictions[name].values.astype(str), return_counts=True)
         if (counts > 1).any():
             raise SubmissionError(
                 f"{path}: {name} {values[counts > 1][0]!s} appears more than once; {remedy}"
             )
-    if predicts:
+    seeds = predictions["seed"].values
+    if (seeds < 0).any() or (seeds > np.iinfo(np.int64).max).any():
+        raise SubmissionError(f"{path}: a seed is {seeds.min()}; seeds begin at 0; {remedy}")
+    if "protocol" in predictions.dims:
         _check_protocols(predictions, path)
-    known_labels = {"noise": NOISE_PROTOCOLS, "check": STRESS_CHECKS, "solver": SOLVERS}
-    for dim, known in known_labels.items():
+    for dim, known in _LABELS.items():
         if dim in predictions.dims and not set(predictions[dim].values) <= set(known):
             raise SubmissionError(
                 f"{path}: {dim} may be {', '.join(known)}, not "

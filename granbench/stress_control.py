@@ -14,16 +14,13 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from granbench.cell import MaterialCell
+from granbench.cell import FLOATING_FAILURES, MaterialCell
 
 ARMIJO = 1e-4
 """Share of the error that a full Newton step takes off at least; a shorter one, in proportion."""
 
 Answer = Callable[[Tensor, Tensor], tuple[Tensor, ...]]
 """A cell's `step` or `tangent`."""
-
-FLOATING_FAILURES = (ArithmeticError, torch.linalg.LinAlgError)
-"""What a cell may raise for a point that it cannot follow, in place of a NaN stress."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,16 @@ from granbench.axes import EMBEDDED
 from granbench.boundary_values import SOLVERS
 from granbench.leaderboard.chart import Line, not_zero, share_chart
 from granbench.leaderboard.submission import Submission
-from granbench.leaderboard.tables import Cell, Table, TableRow, line_of, number, ordered, share
+from granbench.leaderboard.tables import (
+    Cell,
+    Table,
+    TableRow,
+    line_of,
+    number,
+    of_seeds,
+    ordered,
+    share,
+)
 from granbench.plotting.style import model_styles
 from granbench.scoring import Score
 from granbench.scoring.embedded_metrics import EMBEDDED_METRICS, SPEED, TITLES
@@ -145,5 +154,4 @@ def _cell(score: Score | None) -> Cell:
     text = share(score.value) if percent else number(score.value)
     if score.metric.endswith(SPEED):
         text += Markup(" ×")
-    seeds = ", ".join(f"{value:.3g}" for value in score.by_seed)
-    return Cell(text, score.value, note=f"{len(score.by_seed)} seeds: {seeds}")
+    return Cell(text, score.value, note=of_seeds(score))

@@ -1,50 +1,34 @@
 """The board's folder: accepted submissions by task, each with its predictions or its model."""
 
-import re
+import contextlib
+import os
 import shutil
-from dataclasses import dataclass
+import uuid
+from collections.abc import Sequence
 from pathlib import Path
 
 import xarray as xr
 
-from granbench.errors import ConfigurationError, SubmissionError
+from granbench.errors import SubmissionError
+from granbench.leaderboard.admission import MINIMUM_SEEDS, Examination, examine
 from granbench.leaderboard.model_files import moved
-from granbench.leaderboard.rerunning import Told
-from granbench.leaderboard.submission import Submission, read_submission, write_submission
-from granbench.leaderboard.validation import validate
-from granbench.whole_file import cannot_write, whole_file
+from granbench.leaderboard.rerunning import Progress
+from granbench.leaderboard.rows import Row, accepted, default_folder, place_on, slug
+from granbench.leaderboard.sealing import sealed
+from granbench.leaderboard.submission import Submission, write_submission
+from granbench.whole_file import cannot_write
 
-MINIMUM_SEEDS = 3
+LONGEST_WORD = 400
 
-
-@dataclass(frozen=True)
-class Row:
-    """A submission and the file that holds it."""
-
-    submission: Submission
-    file: Path
-
-
-def default_folder() -> Path:
-    """`leaderboard/submissions` of the checkout that granbench runs from.
-
-    Raises
-    ------
-    ConfigurationError
-        If granbench does not run from a checkout.
-    """
-    folder = Path(__file__).parent / "submissions"
-    if not folder.is_dir():
-        raise ConfigurationError(
-            "granbench does not run from a checkout, so there is no board of its own; give the "
-            "folder of submissions as --board"
-        )
-    return folder
-
-
-def slug(name: str) -> str:
-    """A file name from a model's name."""
-    return re.sub(r"[^a-z0-9.]+", "-", name.lower()).strip("-.")
+__all__ = [
+    "MINIMUM_SEEDS",
+    "Row",
+    "accept",
+    "accepted",
+    "default_folder",
+    "refuse_objections",
+    "slug",
+]
 
 
 def accept(
@@ -53,16 +37,21 @@ def accept(
     dataset: xr.Dataset | None = None,
     *,
     replace: bool = False,
-    progress: Told | None = None,
+    word: str | None = None,
+    progress: Progress | None = None,
 ) -> Path:
-    """Validate a submission and copy it and its predictions, or its model, onto the board.
+    """Validate a submission and put it, with its predictions or its model, onto the board.
+
+    The row has the recomputed numbers and a seal. It appears whole or not at all; a row that it
+    replaces stays whole until then.
 
     Parameters
     ----------
     file : the submission's JSON file
     folder : the board's folder
-    dataset, progress : see `validate`
+    dataset, progress : see `granbench.leaderboard.validation.recompute`
     replace : whether a submission of the same name may be replaced
+    word : why a maintainer accepts what the checks flag as a copy; kept in the row
 
     Returns
     -------
@@ -71,82 +60,93 @@ def accept(
     Raises
     ------
     SubmissionError
-        If it is not valid, was not evaluated on every axis or for three seeds, is on the board
-        already, or the folder cannot be written to.
+        If it is not valid, was not evaluated on every axis or for three seeds, is a copy or on the
+        board already, or the folder cannot be written to.
     """
-    submission = validate(file, dataset, progress=progress)
-    if len(submission.seeds) < MINIMUM_SEEDS:
-        raise SubmissionError(
-            f"{file}: the board needs at least {MINIMUM_SEEDS} seeds, this has "
-            f"{len(submission.seeds)}; evaluate more"
-        )
-    if left_out := [score for score in submission.scores if score.status == "not_run"]:
-        raise SubmissionError(
-            f"{file}: axis {left_out[0].axis} was left out; the board needs every axis, run "
-            "`granbench evaluate` without --axis"
-        )
-    stem = slug(submission.name)
-    target = folder / submission.task / f"{stem}.json"
-    _refuse_duplicates(submission, file, target, replace)
-    write_submission(_taken_along(submission, file.parent, target), target)
+    if word is not None and not 1 <= len(word.strip()) <= LONGEST_WORD:
+        raise SubmissionError(f"word must be a sentence of 1 to {LONGEST_WORD} characters")
+    examination = examine(file, folder, dataset, replace=replace, progress=progress)
+    refuse_objections(file, examination, word)
+    submission = examination.submission
+    flagged = any(objection.flagged for objection in examination.objections)
+    target = place_on(folder, submission)
+    made = [place for place in (target.parent, *target.parent.parents) if not place.exists()]
+    stage = target.parent / f".{target.stem}.{uuid.uuid4().hex[:8]}.part"
+    try:
+        stage.mkdir(parents=True)
+        row = _taken_along(submission, file.parent, stage, target.stem)
+        write_submission(sealed(row, stage, word if flagged else None), stage / target.name)
+        _exchange(stage, target)
+    except OSError as error:
+        raise SubmissionError(cannot_write(target, error)) from error
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
+        for place in made:
+            with contextlib.suppress(OSError):
+                place.rmdir()  # only where nothing was put into it
     return target
 
 
-def _taken_along(submission: Submission, source: Path, target: Path) -> Submission:
-    """Copy what bears a submission out beside its place on the board; nothing older stays."""
-    predictions, model = target.with_suffix(".nc"), f"{target.stem}.model"
-    if submission.model is not None:
-        try:
-            moved_model = moved(submission.model, source, target.parent, model)
-        except OSError as error:
-            raise SubmissionError(cannot_write(target, error)) from error
-        predictions.unlink(missing_ok=True)
-        return submission.model_copy(update={"model": moved_model})
-    if submission.predictions is not None:
-        _copy(source / submission.predictions.file, predictions)
-        reference = submission.predictions.model_copy(update={"file": predictions.name})
-        submission = submission.model_copy(update={"predictions": reference})
-    shutil.rmtree(target.parent / model, ignore_errors=True)
-    return submission
+def refuse_objections(file: Path, examination: Examination, word: str | None) -> None:
+    """Raise the first thing that the board has against a submission.
 
-
-def accepted(folder: Path) -> list[Row]:
-    """Every submission on the board, by task and name.
+    Parameters
+    ----------
+    file : the submission's JSON file, for the message
+    examination : see `granbench.leaderboard.admission.examine`
+    word : a maintainer's, for what was flagged; None for none
 
     Raises
     ------
     SubmissionError
-        If a file there breaks the schema.
+        Unless there is nothing left.
     """
-    files = sorted(folder.glob("*/*.json"))
-    return [Row(read_submission(file), file) for file in files]
-
-
-def _refuse_duplicates(submission: Submission, file: Path, target: Path, replace: bool) -> None:
-    for row in accepted(target.parent.parent):
-        other = row.submission
-        if row.file == target and not replace:
+    for objection in examination.objections:
+        if not objection.flagged:
+            raise SubmissionError(f"{file}: {objection.text}")
+        if word is None:
             raise SubmissionError(
-                f"{file}: {other.name!r} is on the board of {other.task} already; choose another "
-                "name, or give --replace"
-            )
-        if row.file != target and _what_bears_out(other) == _what_bears_out(submission):
-            what = "its predictions are those" if submission.predictions else "its model is that"
-            raise SubmissionError(
-                f"{file}: {what} of {other.name!r}, which is on the board already; submit a model "
-                "once"
+                f"{file}: {objection.text}; if it is honest, a maintainer may accept it and say "
+                "why (--word)"
             )
 
 
-def _what_bears_out(submission: Submission) -> tuple[object, ...]:
-    """What no two submissions may share."""
-    model = submission.model
-    if model is None:
-        return (submission.predictions.sha256 if submission.predictions else None,)
-    digests = sorted(file.sha256 for file in model.files)
-    return (submission.task, submission.dataset.version, model.baseline, *digests)
+def _taken_along(submission: Submission, source: Path, stage: Path, stem: str) -> Submission:
+    """Copy the files that a submission's scores rest on, under the names that they will have."""
+    if submission.model is not None:
+        model = moved(submission.model, source, stage, f"{stem}.model")
+        return submission.model_copy(update={"model": model})
+    if submission.predictions is not None:
+        name = f"{stem}.nc"
+        shutil.copyfile(source / submission.predictions.file, stage / name)
+        reference = submission.predictions.model_copy(update={"file": name})
+        submission = submission.model_copy(update={"predictions": reference})
+    return submission
 
 
-def _copy(source: Path, target: Path) -> None:
-    with whole_file(target, SubmissionError) as partial:
-        shutil.copyfile(source, partial)
+def _exchange(stage: Path, target: Path) -> None:
+    """Put a staged row in the place of an older one, or leave that as it was."""
+    names = (target.name, f"{target.stem}.nc", f"{target.stem}.model")
+    new = [name for name in names if (stage / name).exists()]
+    old = stage / "old"
+    old.mkdir()
+    aside: list[str] = []
+    placed: list[str] = []
+    try:
+        for name in names:
+            if (target.parent / name).exists():
+                os.replace(target.parent / name, old / name)
+                aside.append(name)
+        for name in reversed(new):  # the row itself comes last
+            os.replace(stage / name, target.parent / name)
+            placed.append(name)
+    except OSError:
+        _restore(stage, target.parent, aside, placed)
+        raise
+
+
+def _restore(stage: Path, folder: Path, aside: Sequence[str], placed: Sequence[str]) -> None:
+    for name in placed:
+        os.replace(folder / name, stage / f"{name}.refused")
+    for name in aside:
+        os.replace(stage / "old" / name, folder / name)

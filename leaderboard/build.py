@@ -12,14 +12,19 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from granbench import __version__
-from granbench.axes import PROTOCOLS
+from granbench.axes import EMBEDDED, PROTOCOLS
 from granbench.checks import CHECKS
 from granbench.data.replicates import ReplicateScatter
 from granbench.errors import ConfigurationError, SubmissionError
+from granbench.leaderboard.agreement import lost_analyses
 from granbench.leaderboard.analyses import analyses_charts, analyses_tables
-from granbench.leaderboard.board import Row, slug
 from granbench.leaderboard.chart import horizon_chart
 from granbench.leaderboard.laws_and_cost import cost_table, physics_table
+from granbench.leaderboard.ranking import PathErrorsByName, answers_once, standing
+from granbench.leaderboard.rows import Row, slug
+from granbench.leaderboard.sealing import require_seal
+from granbench.leaderboard.showable import require_showable
+from granbench.leaderboard.submission import Submission
 from granbench.leaderboard.tables import (
     FAMILY_METRICS,
     family_table,
@@ -40,6 +45,7 @@ def build(
     rows: Sequence[Row],
     out: Path,
     scatter: Mapping[tuple[str, str], ReplicateScatter] | None = None,
+    errors: Mapping[tuple[str, str], PathErrorsByName] | None = None,
 ) -> Path:
     """Render the board into a folder, whole or not at all.
 
@@ -48,6 +54,8 @@ def build(
     rows : the submissions to show
     out : folder of the site; an older site there is replaced
     scatter : scatter between packings by dataset name and version, shown as a reference
+    errors : of single paths by dataset name and version, for ranks; without them the intervals of
+        the rows decide who shares one
 
     Returns
     -------
@@ -58,15 +66,21 @@ def build(
     ConfigurationError
         If `out` holds something that is not a board, or cannot be written to.
     SubmissionError
-        If a submission follows another metric version, or a name appears twice in a task.
+        If a submission follows another metric version, a name appears twice in a task, a row was
+        changed after the board had accepted it, or a claimed one cannot be shown.
     """
     _check_target(out)
     boards = _by_board(rows)
-    scatter = scatter or {}
+    for row in rows:
+        if row.submission.badge == "claimed":
+            require_showable(row.submission, row.file)
+        else:
+            require_seal(row.submission, row.file)
+    scatter, errors = scatter or {}, errors or {}
     partial = out.with_name(f".{out.name}.{uuid.uuid4().hex[:8]}.part")
     try:
         partial.mkdir(parents=True)
-        _render(boards, partial, scatter)
+        _render(boards, partial, scatter, errors)
         _swap(partial, out)
     except OSError as error:
         raise ConfigurationError(f"the site: {cannot_write(out, error)}") from error
@@ -120,6 +134,7 @@ def _render(
     boards: dict[tuple[str, str], list[Row]],
     folder: Path,
     scatter: Mapping[tuple[str, str], ReplicateScatter],
+    errors: Mapping[tuple[str, str], PathErrorsByName],
 ) -> None:
     environment = Environment(
         loader=PackageLoader("granbench.leaderboard", "site"),
@@ -129,10 +144,13 @@ def _render(
         lstrip_blocks=True,
     )
     environment.filters["anchor"] = slug
+    environment.filters["standing"] = standing
+    environment.filters["answers_once"] = answers_once
     shared = {"granbench_version": __version__, "metric_version": METRIC_VERSION}
     pages = []
     for (task, version), board in boards.items():
-        page = _page(task, version, board, scatter.get((task, version)))
+        place = (task, version)
+        page = _page(task, version, board, scatter.get(place), errors.get(place, {}))
         pages.append(page)
         html = environment.get_template("task.html.j2").render(**shared, page=page)
         (folder / page["file"]).write_text(html, encoding="utf-8")
@@ -151,7 +169,11 @@ def _render(
 
 
 def _page(
-    task: str, version: str, board: list[Row], scatter: ReplicateScatter | None
+    task: str,
+    version: str,
+    board: list[Row],
+    scatter: ReplicateScatter | None,
+    errors: PathErrorsByName,
 ) -> dict[str, Any]:
     submissions = [row.submission for row in board]
     scores = [score for submission in submissions for score in submission.scores]
@@ -159,7 +181,11 @@ def _page(
     shown = metrics_shown(submissions)
     name = slug(f"{task}-{version}")
     floor = scatter.floor_mse if scatter else None
-    views = [main_table(submissions, split, metric, floor) for split in splits for metric in shown]
+    views = [
+        main_table(submissions, split, metric, floor, errors)
+        for split in splits
+        for metric in shown
+    ]
     return {
         "task": task,
         "version": version,
@@ -168,7 +194,7 @@ def _page(
         "splits": [
             {
                 "name": split,
-                "paths": next(s.n for s in scores if s.split == split and s.group == ALL and s.n),
+                "paths": max(s.n for s in scores if s.split == split and s.group == ALL),
                 "charts": _charts(submissions, split, floor),
                 "physics": physics_table(submissions, split),
                 "families": [
@@ -193,7 +219,21 @@ def _page(
             score.metric == "void_ratio_mse_mean" and score.value for score in scores
         ),
         "leader": views[0].leader,
+        "lost": {
+            submission.name: _lost(submission)
+            for submission in submissions
+            if submission.badge == "rerun"
+        },
     }
+
+
+def _lost(submission: Submission) -> list[str]:
+    """Analyses that a model has lost, so that rounding decides what comes out."""
+    return sorted(
+        f"{group.replace('-', ' ')} ({protocol.removeprefix(f'{EMBEDDED}-')})"
+        for protocol, group in lost_analyses(submission.scores)
+        if group != ALL
+    )
 
 
 def _charts(submissions: list[Any], split: str, floor: float | None) -> list[dict[str, Any]]:

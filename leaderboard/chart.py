@@ -10,6 +10,8 @@ from markupsafe import Markup, escape
 WIDTH, HEIGHT = 640, 380
 LEFT, RIGHT, TOP, BOTTOM = 62, 132, 14, 46
 LABEL_SPACING = 15.0
+SMALLEST = 1e-30
+"""What is smaller counts as zero: no rounding leaves so little."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ def horizon_chart(lines: Sequence[Line], title: str, floor: float | None = None)
     Parameters
     ----------
     lines : the models; one that is zero everywhere has no place on a logarithmic axis
-    title : for readers who hear the page
+    title : read out by screen readers
     floor : scatter between packings made alike, a dashed line; None for no line
 
     Returns
@@ -116,7 +118,7 @@ def horizon_chart(lines: Sequence[Line], title: str, floor: float | None = None)
     drawn = not_zero(lines)
     if not drawn:
         return None
-    positive = [value for line in drawn for value in line.value if value > 0.0]
+    positive = [value for line in drawn for value in line.value if value > SMALLEST]
     if floor:
         positive.append(floor)
     bottom = math.floor(math.log10(min(positive)))
@@ -140,7 +142,7 @@ def share_chart(lines: Sequence[Line], title: str, across: str, up: str) -> Mark
     Parameters
     ----------
     lines : the models; those that are zero everywhere are left out, see `not_zero`
-    title : for readers who hear the page
+    title : read out by screen readers
     across, up : titles of the axes
 
     Returns
@@ -156,7 +158,7 @@ def share_chart(lines: Sequence[Line], title: str, across: str, up: str) -> Mark
 
 def not_zero(lines: Sequence[Line]) -> list[Line]:
     """The lines that have something to show."""
-    return [line for line in lines if any(value > 0.0 for value in line.value)]
+    return [line for line in lines if any(value > SMALLEST for value in line.value)]
 
 
 def _drawn(axes: Axes, lines: Sequence[Line]) -> tuple[list[str], list[tuple[float, str, str]]]:
@@ -200,7 +202,13 @@ def _grid(axes: Axes) -> list[str]:
 
 
 def _steps_marked(last: int) -> list[int]:
-    step = next(step for step in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000) if last / step <= 7)
+    """1, and the multiples of 1, 2 or 5 times a power of ten that give at most seven marks."""
+    step = next(
+        mantissa * 10**power
+        for power in range(len(str(last)) + 1)
+        for mantissa in (1, 2, 5)
+        if last <= 7 * mantissa * 10**power
+    )
     return [1, *range(max(step, 2), last + 1, step)]
 
 
@@ -219,14 +227,14 @@ def _band(line: Line, axes: Axes) -> str:
 
 def _polyline(line: Line, axes: Axes) -> str:
     points = " ".join(_points(line.horizon, line.value, axes))
-    told = (
+    hover = (
         f"{escape(line.name)}: {line.value[0]:.3g} at {line.horizon[0]}, "
         f"{line.value[-1]:.3g} at {line.horizon[-1]}"
     )
     dash = f' stroke-dasharray="{line.dash}"' if line.dash else ""
     return (
         f'<polyline class="model" stroke="{line.colour}"{dash} points="{points}">'
-        f"<title>{told}</title></polyline>"
+        f"<title>{hover}</title></polyline>"
     )
 
 

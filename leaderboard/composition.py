@@ -22,7 +22,12 @@ from granbench.leaderboard.submission import (
     file_digest,
     write_submission,
 )
-from granbench.predictions import evaluated, open_predictions, write_predictions
+from granbench.predictions import (
+    evaluated,
+    is_deterministic,
+    open_predictions,
+    write_predictions,
+)
 from granbench.scoring import METRIC_VERSION, score
 from granbench.whole_file import cannot_write
 
@@ -115,7 +120,8 @@ def _scored(file: Path, dataset: xr.Dataset, about: About) -> Submission:
     # Who scores zero everywhere knows the answers: it frames the table, it does not lead it.
     role = "ceiling" if card.perfect else about.role
     return Submission(
-        **about.model_dump() | {"role": role},
+        **about.model_dump()
+        | {"role": role, "deterministic": is_deterministic(stored) or about.deterministic},
         metric_version=card.metric_version,
         task=name,
         dataset=DatasetReference(

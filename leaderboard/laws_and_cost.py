@@ -7,7 +7,7 @@ from markupsafe import Markup
 from granbench.axes import COST, PHYSICS
 from granbench.checks import CHECKS, Check
 from granbench.leaderboard.submission import Submission
-from granbench.leaderboard.tables import Cell, Table, TableRow, number, ordered, share
+from granbench.leaderboard.tables import Cell, Table, TableRow, number, of_seeds, ordered, share
 from granbench.plotting.style import model_styles
 from granbench.scoring import Score
 from granbench.scoring.cost import COST_METRICS
@@ -91,7 +91,6 @@ def _cost(score: Score | None) -> Cell:
         return Cell(Markup("not run"), note="the axis was left out of the evaluation")
     if score.value is None:
         return Cell(Markup("n/a"), note=score.reason or "")
-    seeds = ", ".join(f"{value:.3g}" for value in score.by_seed)
     text = number(score.value)
     if score.metric == "parameters":
         text = Markup(f"{score.value:,.0f}")
@@ -99,4 +98,4 @@ def _cost(score: Score | None) -> Cell:
         text = (
             Markup(f"{1e6 * score.value:.3g} µs") if score.value < 1e-3 else text + Markup(" s")
         )  # fmt: skip
-    return Cell(text, score.value, note=f"{len(score.by_seed)} seeds: {seeds}")
+    return Cell(text, score.value, note=of_seeds(score))

@@ -8,15 +8,16 @@ import xarray as xr
 from granbench.axes import AXES
 from granbench.errors import SubmissionError
 from granbench.leaderboard.model_files import restored
+from granbench.leaderboard.rerun_budget import SECONDS_PER_SEED, check_budget, time_limit
 from granbench.leaderboard.submission import Submission
 from granbench.predictions import evaluated
 
-Told = Callable[[int, str], None]
+Progress = Callable[[int, str], None]
 """Called with the seed and what was done."""
 
 
 def rerun(
-    submission: Submission, records: xr.Dataset, path: Path, progress: Told | None = None
+    submission: Submission, records: xr.Dataset, path: Path, progress: Progress | None = None
 ) -> xr.Dataset:
     """Predictions of a submission's model for the axes that it was evaluated on.
 
@@ -30,13 +31,18 @@ def rerun(
     Raises
     ------
     SubmissionError
-        If there is no model, it cannot be loaded, or it is not what the submission says of it.
+        If there is no model, it cannot be loaded, it is not what the submission says of it, or it
+        is beyond what is run again.
     """
     from granbench.protocols import predict
 
     if submission.model is None:
         raise SubmissionError(f"{path}: has no model to run again")
-    with restored(submission.model, path, submission.seeds, records) as candidate:
+    check_budget(submission.seeds, submission.model, path)
+    with (
+        time_limit(SECONDS_PER_SEED * len(submission.seeds), path),
+        restored(submission.model, path, submission.seeds, records) as candidate,
+    ):
         if submission.parameters != candidate.parameters:
             raise SubmissionError(
                 f"{path}: parameters is {submission.parameters}, but the model has "

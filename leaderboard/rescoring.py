@@ -13,8 +13,9 @@ import xarray as xr
 from granbench.boundary_values import embedded_analyses
 from granbench.data.normalisation import Normalisation
 from granbench.data.store import load
-from granbench.leaderboard.board import accepted, default_folder
 from granbench.leaderboard.rerunning import rerun
+from granbench.leaderboard.rows import accepted, default_folder
+from granbench.leaderboard.sealing import sealed
 from granbench.leaderboard.submission import Submission, write_submission
 from granbench.predictions import evaluated, open_predictions
 from granbench.scoring import METRIC_VERSION, score
@@ -61,7 +62,10 @@ def rescore(folder: Path) -> Iterator[Path]:
         if row.submission.metric_version != METRIC_VERSION:
             dataset = row.submission.dataset
             with load(f"{dataset.name}@{dataset.version}") as records:
-                write_submission(rescored(row.submission, row.file, records), row.file)
+                found = rescored(row.submission, row.file, records)
+            if found.acceptance is not None:
+                found = sealed(found, row.file.parent, found.acceptance.word)
+            write_submission(found, row.file)
             yield row.file
 
 

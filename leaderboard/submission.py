@@ -6,7 +6,7 @@ import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Annotated, Any, Literal, NoReturn
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
@@ -18,6 +18,7 @@ from pydantic import (
 )
 
 from granbench.errors import ConfigurationError, SubmissionError
+from granbench.json_reading import LARGEST_INTEGER, read_json_object
 from granbench.scoring import Curve, Score
 from granbench.scoring.scorecard import Scales
 from granbench.whole_file import whole_file
@@ -25,7 +26,19 @@ from granbench.whole_file import whole_file
 SCHEMA_FILE = Path(__file__).parent / "submission.schema.json"
 
 Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
-Line = Annotated[str, StringConstraints(min_length=1, max_length=400)]
+Line = Annotated[
+    str, StringConstraints(min_length=1, max_length=400, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")
+]
+Word = Annotated[
+    str, StringConstraints(min_length=1, max_length=100, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")
+]
+BaselineName = Annotated[str, StringConstraints(max_length=64, pattern=r"^[a-z0-9][a-z0-9-]*$")]
+Seed = Annotated[int, Field(ge=0, le=LARGEST_INTEGER)]
+MOST_SEEDS = 100
+MOST_AUTHORS = 100
+MOST_FILES = 3 * MOST_SEEDS
+MOST_SCORES = 20_000
+"""The largest task has about 1,000 scores."""
 
 
 class _Record(BaseModel):
@@ -60,7 +73,7 @@ class ModelFile(_Record):
             pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*(/\d+)?/[a-z]+\.(json|safetensors)$"
         ),
     ] = Field(description="from the submission's folder: NAME.model/[SEED/]FILE")
-    seed: int | None = Field(default=None, ge=0, description="whose it is; null: of every seed")
+    seed: Seed | None = Field(default=None, description="whose it is; null: of every seed")
     sha256: Sha256
     bytes: int = Field(gt=0, le=50_000_000)
 
@@ -72,10 +85,10 @@ class ModelReference(_Record):
     files of every seed where it was trained.
     """
 
-    baseline: Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9-]*$")] | None = Field(
-        default=None, description="name of a baseline of GranBench; null: a classical model"
-    )
-    files: tuple[ModelFile, ...] = ()
+    baseline: (
+        Annotated[str, StringConstraints(max_length=64, pattern=r"^[a-z0-9][a-z0-9-]*$")] | None
+    ) = Field(default=None, description="name of a baseline of GranBench; null: a classical model")
+    files: tuple[ModelFile, ...] = Field(default=(), max_length=MOST_FILES)
 
     @model_validator(mode="after")
     def _whole(self) -> "ModelReference":
@@ -91,11 +104,11 @@ class ModelReference(_Record):
 class Environment(_Record):
     """What the model ran in; no host names."""
 
-    granbench: str
-    python: str
-    numpy: str
-    torch: str
-    machine: str = Field(description="kind of machine")
+    granbench: Word
+    python: Word
+    numpy: Word
+    torch: Word
+    machine: Word = Field(description="kind of machine")
 
     @classmethod
     def here(cls) -> "Environment":
@@ -109,6 +122,18 @@ class Environment(_Record):
         )
 
 
+class Acceptance(_Record):
+    """What the board recorded when it accepted a row."""
+
+    digest: Sha256 = Field(
+        description="of the row and of the files that its scores rest on; checked when the site is "
+        "built"
+    )
+    word: Line | None = Field(
+        default=None, description="why a maintainer accepted what the checks had flagged"
+    )
+
+
 class About(_Record):
     """What a submitter says of a model."""
 
@@ -117,11 +142,16 @@ class About(_Record):
     role: Literal["model", "floor", "ceiling"] = Field(
         default="model", description="floors and ceilings frame the table and are not ranked"
     )
-    authors: tuple[Line, ...] = Field(min_length=1)
-    code: Annotated[str, StringConstraints(pattern=r"^https?://\S+$")] | None = Field(
-        default=None, description="where the model's code is"
+    authors: tuple[Line, ...] = Field(min_length=1, max_length=MOST_AUTHORS)
+    code: (
+        Annotated[
+            str, StringConstraints(max_length=400, pattern=r"^https?://[^\s\x00-\x1f\x7f-\x9f]+$")
+        ]
+        | None
+    ) = Field(default=None, description="where the model's code is")
+    parameters: int | None = Field(
+        default=None, ge=0, le=LARGEST_INTEGER, description="trained or fitted parameters"
     )
-    parameters: int | None = Field(default=None, ge=0, description="trained or fitted parameters")
     training_data: Line
     licence: Line
     command: Line
@@ -145,13 +175,17 @@ class Submission(About):
     """A row of the leaderboard, with everything needed to check it."""
 
     schema_version: Literal["1.0", "1.1", "1.2"] = "1.2"
-    metric_version: str
+    metric_version: Word
     task: Line
     dataset: DatasetReference
-    seeds: tuple[int, ...] = Field(min_length=1)
+    seeds: tuple[Seed, ...] = Field(min_length=1, max_length=MOST_SEEDS)
+    deterministic: bool | None = Field(
+        default=None,
+        description="true: one and the same model under every seed, which only draws the noise",
+    )
     environment: Environment
     predictions: PredictionsReference | None = Field(
-        default=None, description="or else `model`; one of the two bears the scores out"
+        default=None, description="or else `model`; one of the two is the evidence for the scores"
     )
     model: ModelReference | None = None
     badge: Literal["claimed", "rescored", "rerun"] = Field(
@@ -159,13 +193,14 @@ class Submission(About):
         description="as submitted; recomputed from the predictions; run again by the maintainers",
     )
     normalisation: Scales
-    scores: tuple[Score, ...] = Field(min_length=1)
-    curves: tuple[Curve, ...] = ()
+    scores: tuple[Score, ...] = Field(min_length=1, max_length=MOST_SCORES)
+    curves: tuple[Curve, ...] = Field(default=(), max_length=MOST_SCORES)
+    acceptance: Acceptance | None = None
 
     @model_validator(mode="after")
-    def _borne_out(self) -> "Submission":
+    def _has_evidence(self) -> "Submission":
         if (self.predictions is None) == (self.model is None):
-            raise ValueError("it needs either `predictions` or `model` to bear its scores out")
+            raise ValueError("it needs either `predictions` or `model` as evidence for its scores")
         return self
 
     @model_validator(mode="after")
@@ -190,38 +225,16 @@ def read_submission(path: Path) -> Submission:
     Raises
     ------
     SubmissionError
-        If it is missing, not JSON, repeats a key, holds NaN or infinity, or breaks the schema.
+        If it is missing, is refused by `granbench.json_reading.read_json`, or breaks the schema.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise SubmissionError(
-            f"{path} cannot be read ({error.strerror or error}); give the JSON file that "
-            "`granbench evaluate` wrote"
-        ) from error
-    except UnicodeDecodeError as error:
-        raise SubmissionError(f"{path} is not UTF-8 text; give a submission's JSON file") from error
-    try:
-        content = json.loads(
-            text,
-            parse_constant=lambda name: _not_a_number(path, name),
-            object_pairs_hook=lambda pairs: _unique(path, pairs),
-        )
-    except json.JSONDecodeError as error:
-        raise SubmissionError(
-            f"{path} is not JSON (line {error.lineno}: {error.msg}); give the file that "
-            "`granbench evaluate` wrote"
-        ) from error
-    except RecursionError as error:
-        raise SubmissionError(f"{path} is nested too deeply to be a submission") from error
-    if not isinstance(content, dict):
-        raise SubmissionError(
-            f"{path} holds no JSON object; give the file that `granbench evaluate` wrote"
-        )
+    content = read_json_object(path, SubmissionError, remedy=_REMEDY)
     try:
         return Submission.model_validate(content)
     except ValidationError as error:
         raise SubmissionError(f"{path}: {first_complaint(error)}") from error
+
+
+_REMEDY = "give the file that `granbench evaluate` wrote"
 
 
 def write_submission(submission: Submission, path: Path) -> None:
@@ -267,22 +280,6 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:
         return "not installed"
-
-
-def _not_a_number(path: Path, name: str) -> NoReturn:
-    raise SubmissionError(
-        f"{path} holds {name}, which is not a score; a run that broke down is counted at the "
-        "ceiling, run `granbench evaluate` again"
-    )
-
-
-def _unique(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    content = dict(pairs)
-    if len(content) < len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise SubmissionError(f"{path} has the key {twice!r} twice in one object; keep one")
-    return content
 
 
 def first_complaint(error: ValidationError) -> str:

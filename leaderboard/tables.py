@@ -9,6 +9,14 @@ from markupsafe import Markup, escape
 
 from granbench.axes import PROTOCOLS
 from granbench.leaderboard.chart import Line
+from granbench.leaderboard.ranking import (
+    PathErrorsByName,
+    few_seeds,
+    is_ranked,
+    ranked_last,
+    shared_ranks,
+    standing,
+)
 from granbench.leaderboard.submission import Submission
 from granbench.plotting.style import LINE_STYLES, ModelStyle, model_styles
 from granbench.scoring import Score
@@ -37,6 +45,8 @@ RECOMPUTED_METRICS: dict[str, str] = {
 FAMILY_METRICS = ("stress_mse_mean", "relative_error_mean")
 SHARES = ("error_point_share", "diverged_share", "failed_share", "relative_error_mean")
 RANKED_PROTOCOL = "rollout"
+SMALLEST_EXPONENT = -300
+"""Of a power of ten that both ends of an interval are divided by."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +58,7 @@ class Cell:
     text : the value, or what stands for it
     sort : the number that it is sorted by; None puts it last either way
     interval : 95 % interval, "" where there is none
-    note : what a reader hears who asks why
+    note : what stands behind it, shown on hovering
     best : whether it is the best of the ranked models
     """
 
@@ -61,12 +71,30 @@ class Cell:
 
 @dataclass(frozen=True)
 class TableRow:
-    """One model's row; `submission` is None for the scatter between packings."""
+    """One model's row.
+
+    Parameters
+    ----------
+    name, colour, cells : what it shows
+    submission : None for the scatter between packings
+    rank : such as "1", or "1=" where it is shared; "" of what is not ranked
+    """
 
     name: str
     colour: str
     submission: Submission | None
     cells: tuple[Cell, ...]
+    rank: str = ""
+
+    @property
+    def ranked(self) -> bool:
+        """Whether it is a model that takes part in the ranking."""
+        return self.submission is not None and is_ranked(self.submission)
+
+    @property
+    def standing(self) -> str:
+        """What it says of its seeds."""
+        return "" if self.submission is None else standing(self.submission)
 
 
 @dataclass(frozen=True)
@@ -90,11 +118,10 @@ class Table:
 
     @property
     def leader(self) -> str | None:
-        """Name of the best ranked model, if any."""
-        for row in self.rows:
-            if row.submission is not None and row.submission.role == "model":
-                return row.name
-        return None
+        """Names of the best ranked models, if any: several where they share the first rank."""
+        ranked = [row for row in self.rows if row.ranked]
+        first = [row.name for row in ranked if row.rank == ranked[0].rank] if ranked else []
+        return " and ".join(first[:1] if not ranked or not ranked[0].rank else first) or None
 
 
 def metrics_shown(submissions: Sequence[Submission]) -> dict[str, str]:
@@ -108,7 +135,11 @@ def metrics_shown(submissions: Sequence[Submission]) -> dict[str, str]:
 
 
 def main_table(
-    submissions: Sequence[Submission], split: str, metric: str, floor: float | None
+    submissions: Sequence[Submission],
+    split: str,
+    metric: str,
+    floor: float | None,
+    errors: PathErrorsByName | None = None,
 ) -> Table:
     """Every protocol's score of one metric, ordered by that of the whole-path rollout.
 
@@ -117,9 +148,10 @@ def main_table(
     submissions : of one task
     split, metric : which scores
     floor : normalised MSE of stress that scatter between packings alone gives
+    errors : of single paths by model, where they are at hand, for ranks
     """
     columns = [(spec.title, spec.name, ALL) for spec in PROTOCOLS.values()]
-    table = _table(submissions, split, metric, columns)
+    table = _table(submissions, split, metric, columns, errors or {})
     if metric != "stress_mse_mean" or floor is None:
         return table
     cells = tuple(
@@ -189,7 +221,7 @@ def _interval(low: float, value: float, high: float, metric: str) -> Markup:
     if metric in SHARES:
         return Markup("{:.3g} … {:.3g} %").format(100.0 * low, 100.0 * high)
     exponent = math.floor(math.log10(value)) if value > 0.0 else 0
-    if exponent >= -2:
+    if not SMALLEST_EXPONENT <= exponent < -2:
         return Markup("{} … {}").format(number(low), number(high))
     scale = 10.0**exponent
     power = str(exponent).replace("-", "−")
@@ -212,6 +244,7 @@ def _table(
     split: str,
     metric: str,
     columns: list[tuple[str, str, str]],
+    errors: PathErrorsByName | None = None,
 ) -> Table:
     styles = model_styles(submission.name for submission in submissions)
     found = {
@@ -227,11 +260,24 @@ def _table(
         ranked = [
             score.value
             for submission in submissions
-            if submission.role == "model"
+            if is_ranked(submission)
             and (score := found[submission.name].get((protocol, group))) is not None
             and score.value is not None
         ]
         best[protocol, group] = min(ranked, default=None)
+    ranking = next(
+        (i for i, column in enumerate(columns) if column[1:] == (RANKED_PROTOCOL, ALL)), 0
+    )
+    ranks: dict[str, str] = {}
+    if errors is not None:
+        scores = {
+            submission.name: score
+            for submission in submissions
+            if is_ranked(submission)
+            and (score := found[submission.name].get(columns[ranking][1:])) is not None
+            and score.value is not None
+        }
+        ranks = shared_ranks(scores, split, metric, errors)
     rows = [
         TableRow(
             submission.name,
@@ -241,16 +287,14 @@ def _table(
                 _cell(
                     found[submission.name].get((protocol, group)),
                     metric,
-                    best[protocol, group] if submission.role == "model" else None,
+                    best[protocol, group] if is_ranked(submission) else None,
                 )
                 for _, protocol, group in columns
             ),
+            ranks.get(submission.name, ""),
         )
         for submission in submissions
     ]
-    ranking = next(
-        (i for i, column in enumerate(columns) if column[1:] == (RANKED_PROTOCOL, ALL)), 0
-    )
 
     return Table(
         split,
@@ -263,13 +307,24 @@ def _table(
 
 
 def ordered(rows: list[TableRow], column: int) -> tuple[TableRow, ...]:
-    """Rows by the number in one column, those without one last."""
+    """Rows by the number in one column, those without one last; of few seeds after every ranked."""
+    facts = [
+        (
+            row.cells[column].sort,
+            row.name,
+            row.ranked,
+            row.submission is not None and few_seeds(row.submission),
+        )
+        for row in rows
+    ]
+    return tuple(rows[place] for place in ranked_last(facts))
 
-    def rank(row: TableRow) -> tuple[bool, float, str]:
-        value = row.cells[column].sort
-        return (value is None, value or 0.0, row.name)
 
-    return tuple(sorted(rows, key=rank))
+def of_seeds(score: Score) -> str:
+    """The values of the seeds, or that they agree."""
+    if len(score.by_seed) > 1 and len(set(score.by_seed)) == 1:
+        return "the same for every seed"
+    return f"{len(score.by_seed)} seeds: {', '.join(f'{value:.3g}' for value in score.by_seed)}"
 
 
 def _cell(score: Score | None, metric: str, best: float | None) -> Cell:
@@ -282,11 +337,10 @@ def _cell(score: Score | None, metric: str, best: float | None) -> Cell:
     interval: Markup | str = ""
     if score.low is not None and score.high is not None and score.high > score.low:
         interval = _interval(score.low, score.value, score.high, metric)
-    seeds = f"{len(score.by_seed)} seeds: {', '.join(f'{value:.3g}' for value in score.by_seed)}"
     return Cell(
         render(score.value),
         score.value,
         interval,
-        f"{score.n} paths; {seeds}",
+        f"{score.n} paths; {of_seeds(score)}",
         best is not None and score.value == best,
     )

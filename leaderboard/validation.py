@@ -1,5 +1,6 @@
-"""Validation: a submission is believed only as far as its predictions bear it out."""
+"""Validation: of a submission only what its predictions or its model give again is believed."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,10 @@ from granbench.data.splits import split_hash
 from granbench.data.store import load
 from granbench.errors import GranbenchError, SubmissionError
 from granbench.leaderboard.agreement import RERUN, RESCORED, compare
-from granbench.leaderboard.rerunning import Told, rerun
+from granbench.leaderboard.rerunning import Progress, rerun
 from granbench.leaderboard.submission import Submission, file_digest, read_submission
-from granbench.predictions import EMBEDDED_OBSTACLE, evaluated, open_predictions
+from granbench.predictions import evaluated, open_predictions
 from granbench.scoring import METRIC_VERSION, score
-from granbench.scoring.scorecard import Scorecard
 from granbench.scoring.statistics import align
 
 TRUTH_TOLERANCE = 1e-3
@@ -25,9 +25,43 @@ larger stress: machines round differently, and error control then takes other st
 and stresses of an analysis, relative to their root mean square."""
 
 
+@dataclass(frozen=True)
+class Validated:
+    """A submission whose numbers were computed again.
+
+    Parameters
+    ----------
+    submission : with the recomputed numbers and the badge `rescored` or `rerun`
+    claimed : as it was submitted
+    predictions : that the numbers were computed from: submitted, or made by its model
+    records : the whole dataset of the task
+    not_reproduced : labels of claimed numbers that did not come out again, for the model has lost
+        the analyses that they are of
+    """
+
+    submission: Submission
+    claimed: Submission
+    predictions: xr.Dataset
+    records: xr.Dataset
+    not_reproduced: tuple[str, ...] = ()
+
+
 def validate(
-    path: Path, dataset: xr.Dataset | None = None, *, progress: Told | None = None
+    path: Path, dataset: xr.Dataset | None = None, *, progress: Progress | None = None
 ) -> Submission:
+    """Score a submission again and compare every number; see `recompute`.
+
+    Returns
+    -------
+    The submission with the recomputed numbers, and the badge `rescored` where they come from its
+    predictions, or `rerun` where its model was run again
+    """
+    return recompute(path, dataset, progress=progress).submission
+
+
+def recompute(
+    path: Path, dataset: xr.Dataset | None = None, *, progress: Progress | None = None
+) -> Validated:
     """Score a submission again and compare every number.
 
     Parameters
@@ -36,16 +70,11 @@ def validate(
     dataset : the whole records of the task; the registered dataset that it names by default
     progress : called while a model is run, with the seed and what was done
 
-    Returns
-    -------
-    The submission, with the badge `rescored` where the scores come from its predictions, or
-    `rerun` where its model was run again
-
     Raises
     ------
     SubmissionError
         If the file breaks the schema, refers to another dataset, lacks its predictions or its
-        model, or holds a number that they do not give.
+        model, or has a number that they do not give.
     """
     submission = read_submission(path)
     if submission.metric_version != METRIC_VERSION:
@@ -56,10 +85,16 @@ def validate(
     records = dataset if dataset is not None else _registered(submission, path)
     _check_dataset(submission, records, path)
     if submission.model is None:
-        card, badge, how = _rescored(submission, records, path), "rescored", RESCORED
+        predictions, badge, how = _checked_predictions(submission, path), "rescored", RESCORED
     else:
-        card, badge, how = _rerun(submission, records, path, progress), "rerun", RERUN
-    compare(submission, card, path, how)
+        predictions, badge, how = rerun(submission, records, path, progress), "rerun", RERUN
+    _check_parameters(submission, predictions, path)
+    truth, normalisation = evaluated(records), Normalisation.from_training(records)
+    card = score(predictions, truth, normalisation)
+    if submission.model is None:
+        _check_noised_truth(predictions, truth, normalisation, path)
+        _check_embedded_truth(predictions, truth, path)
+    not_reproduced = compare(submission, card, path, how)
     if card.perfect and submission.role == "model":
         raise SubmissionError(
             f"{path}: every error is exactly zero, which only the truth itself can be; submit "
@@ -70,25 +105,15 @@ def validate(
             f"{path}: role is 'ceiling', but its errors are not zero; a ceiling is shown the "
             "truth: set role to 'model'"
         )
-    return submission.model_copy(update={"badge": badge})
-
-
-def _rescored(submission: Submission, records: xr.Dataset, path: Path) -> Scorecard:
-    """The scores that the predictions give."""
-    predictions = _checked_predictions(submission, path)
-    truth, normalisation = evaluated(records), Normalisation.from_training(records)
-    card = score(predictions, truth, normalisation)
-    _check_noised_truth(predictions, truth, normalisation, path)
-    _check_embedded_truth(predictions, truth, path)
-    return card
-
-
-def _rerun(
-    submission: Submission, records: xr.Dataset, path: Path, progress: Told | None
-) -> Scorecard:
-    """The scores that the model gives."""
-    predictions = rerun(submission, records, path, progress)
-    return score(predictions, evaluated(records), Normalisation.from_training(records))
+    recomputed = submission.model_copy(
+        update={
+            "badge": badge,
+            "normalisation": card.normalisation,
+            "scores": card.scores,
+            "curves": card.curves,
+        }
+    )
+    return Validated(recomputed, submission, predictions, records, not_reproduced)
 
 
 def _registered(submission: Submission, path: Path) -> xr.Dataset:
@@ -130,6 +155,11 @@ def _checked_predictions(submission: Submission, path: Path) -> xr.Dataset:
             f"{path}: the predictions file {submission.predictions.file} is missing; put it "
             "into the same folder"
         )
+    if file.stat().st_size != submission.predictions.bytes:
+        raise SubmissionError(
+            f"{path}: predictions.bytes is {submission.predictions.bytes}, but {file.name} has "
+            f"{file.stat().st_size} bytes; run `granbench evaluate` again"
+        )
     if file_digest(file) != submission.predictions.sha256:
         raise SubmissionError(
             f"{path}: predictions.sha256 is not the digest of {file.name}; submit the "
@@ -149,6 +179,21 @@ def _checked_predictions(submission: Submission, path: Path) -> xr.Dataset:
             "`granbench evaluate` again"
         )
     return predictions
+
+
+def _check_parameters(submission: Submission, predictions: xr.Dataset, path: Path) -> None:
+    """Refuse a number of parameters that is not the one whose cost was measured."""
+    if "parameters" not in predictions:
+        return
+    counted = [float(value) for value in predictions["parameters"].values]
+    stated = submission.parameters
+    wanted = counted[0] if stated is None else stated
+    if any(value != wanted for value in counted):
+        found = ", ".join(f"{value:g}" for value in dict.fromkeys(counted))
+        raise SubmissionError(
+            f"{path}: parameters is {stated}, but its predictions are of a model with {found}; "
+            "run `granbench evaluate` again"
+        )
 
 
 def _check_noised_truth(
@@ -177,14 +222,14 @@ def _check_noised_truth(
 def _check_embedded_truth(predictions: xr.Dataset, truth: xr.Dataset, path: Path) -> None:
     """Refuse analyses of the ground truth that the ground truth does not give.
 
-    Their times are not compared: no machine has those of another one.
+    Machines differ in their times, but not by more than `RERUN.clock`.
     """
-    if predictions.attrs.get(EMBEDDED_OBSTACLE) != "":
+    if "embedded_truth_reaction" not in predictions:
         return
     from granbench.protocols import embedded_truth
 
     again = embedded_truth(truth)
-    for name in ("reaction", "volumetric_strain", "stress"):
+    for name in ("reaction", "volumetric_strain", "acceleration", "stress"):
         variable = f"embedded_truth_{name}"
         mine, theirs = again[variable], predictions[variable]
         same_gaps = (np.isnan(mine) == np.isnan(theirs)).all()
@@ -192,7 +237,17 @@ def _check_embedded_truth(predictions: xr.Dataset, truth: xr.Dataset, path: Path
         size = np.sqrt((mine**2).mean(over))
         difference = np.sqrt(((mine - theirs) ** 2).mean(over))
         if not same_gaps or (difference > TRUTH_TOLERANCE * size).any():
-            raise SubmissionError(
-                f"{path}: the predictions' {variable} is not what the ground truth gives; run "
-                "`granbench evaluate` again"
-            )
+            raise _another_truth(path, variable)
+    for name in ("seconds", "cell_seconds"):
+        variable = f"embedded_truth_{name}"
+        ratio = predictions[variable] / again[variable]
+        off = (ratio > RERUN.clock) | (ratio < 1.0 / RERUN.clock)
+        if off.any() or (np.isnan(again[variable]) != np.isnan(predictions[variable])).any():
+            raise _another_truth(path, variable)
+
+
+def _another_truth(path: Path, variable: str) -> SubmissionError:
+    return SubmissionError(
+        f"{path}: the predictions' {variable} is not what the ground truth gives; run "
+        "`granbench evaluate` again"
+    )

@@ -45,7 +45,7 @@ def make_shelf(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Shelf:
     monkeypatch.setattr("granbench.data.fetch.MINI_FOLDER", folder / "mini")
     monkeypatch.setattr("granbench.data.publish.MINI_FOLDER", folder / "mini")
     monkeypatch.setattr("granbench.data.fetch.checkout_datasets", lambda: shelf.checkout)
-    monkeypatch.setattr("granbench.data.fetch.PAUSE", 0.0)
+    monkeypatch.setattr("granbench.data.download.PAUSE", 0.0)
     monkeypatch.setenv("GRANBENCH_CACHE", str(shelf.cache))
     monkeypatch.delenv("GRANBENCH_MIRROR", raising=False)
     return shelf

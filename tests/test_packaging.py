@@ -15,6 +15,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import granbench
+from granbench.data.registry import entries
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
@@ -103,6 +104,26 @@ def test_wheel_leaves_large_data_and_submissions_out(wheel: zipfile.ZipFile) -> 
     assert all(entry.file_size < 1_000_000 for entry in data)
 
 
+def test_the_data_wheel_holds_every_reference_dataset(tmp_path: Path) -> None:
+    copy = tmp_path / "data"
+    shutil.copytree(ROOT / "datasets", copy, ignore=shutil.ignore_patterns("__pycache__", "*.nc"))
+    files = {file.name for file in (ROOT / "datasets").glob("*.nc")}
+    for name in files:  # what is in them is checked elsewhere
+        (copy / name).touch()
+    subprocess.run(
+        [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", "dist", "."],
+        cwd=copy,
+        check=True,
+        capture_output=True,
+    )
+    (file,) = (copy / "dist").glob("granbench_data-*.whl")
+    inside = {Path(name).as_posix() for name in zipfile.ZipFile(file).namelist()}
+    assert {f"granbench_data/{name}" for name in (*files, "__init__.py")} <= inside
+    assert any(name.endswith("licenses/LICENSE-DATA") for name in inside)
+    registered = {entry.file for entry in entries() if entry.tier == "core"}
+    assert registered == files
+
+
 def test_every_baseline_that_is_registered_can_be_loaded() -> None:
     names = set(PROJECT["project"]["entry-points"]["granbench.baselines"])
     points = entry_points(group="granbench.baselines")
@@ -146,14 +167,16 @@ def test_no_two_test_files_share_a_name() -> None:
 LAYERS = (
     (
         *("errors", "tensors", "whole_file", "printable", "rounding", "plausible"),
-        *("bounded_reading", "json_reading", "netcdf_reading"),
+        *("bounded_reading", "input_file", "json_reading", "netcdf_reading", "turning_points"),
+        *("units", "user_code"),
     ),
-    ("cell", "schema", "schema_check", "records"),
+    ("cell", "step_differences", "schema", "schema_check", "records"),
     ("observations", "baseline", "axes", "checks", "boundary_values", "predictions"),
-    ("plotting", "paths"),
+    ("plotting", "paths", "mesh_files"),
     ("data",),
     ("models",),
     ("element_test", "stress_control", "difference_tangent"),
+    ("cell_check", "cell_contents", "cell_form", "tangent_check"),
     ("fem", "plotting.fem"),
     ("scoring",),
     ("protocols", "candidate"),

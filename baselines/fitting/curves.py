@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from torch import Tensor
 
 from granbench.baselines.fitting.observations import TestBatch
 from granbench.baselines.fitting.problem import LOST
@@ -13,6 +14,7 @@ from granbench.tensors import mean_stress, volumetric_strain
 
 CURVES = {
     "axial_strain": ("1", "axial strain"),
+    "axial_stress": ("Pa", "axial stress"),
     "deviatoric_stress": ("Pa", "deviatoric stress, axial less lateral"),
     "mean_stress": ("Pa", "mean stress"),
     "volumetric_strain": ("1", "volumetric strain, compression positive"),
@@ -32,7 +34,7 @@ class TestError:
     total : root of the mean square of the quantities' errors
     by_quantity : root-mean-square error over the range of the quantity in this test, by name
         for those that the fit weighs
-    lost : points that the model does not reach; each counts with an error of three ranges
+    lost : points that the model does not reach; each counts with an error of `LOST` ranges
     """
 
     name: str
@@ -78,7 +80,8 @@ def curves_of(predicted: Sequence[tuple[str, TestBatch, Prediction]]) -> xr.Data
     Returns
     -------
     Dataset over `test` and `step`, NaN after a test's end and where nothing was measured or
-    predicted, with `axial_strain` and `measured_NAME`, `predicted_NAME` for the other names in
+    predicted, with `axial_strain` as it was measured, `predicted_axial_strain`, which differs from
+    it where the axial stress drives, and `measured_NAME`, `predicted_NAME` for the other names in
     `CURVES`; coordinates `test` and `role`
     """
     rows: list[dict[str, np.ndarray]] = []
@@ -102,6 +105,8 @@ def curves_of(predicted: Sequence[tuple[str, TestBatch, Prediction]]) -> xr.Data
 def _curves(batch: TestBatch, prediction: Prediction, test: int) -> dict[str, np.ndarray]:
     real = (batch.weight[test] > 0.0).any(dim=1)
     real[0] = True
+    if batch.kind == "oedometer":
+        return _oedometer_curves(batch, prediction, test, real)
     steps = int(real.nonzero().max()) + 1
     strain = prediction.strain[0, test, :steps].numpy()
     stress = prediction.stress[0, test, :steps].numpy()
@@ -110,6 +115,8 @@ def _curves(batch: TestBatch, prediction: Prediction, test: int) -> dict[str, np
     driven = batch.control.driven[test, :steps]
     found = {
         "axial_strain": driven[:, 0],
+        "predicted_axial_strain": strain[:, 0],
+        "predicted_axial_stress": stress[:, 0],
         "predicted_deviatoric_stress": stress[:, 0] - stress[:, 2],
         "predicted_mean_stress": mean_stress(stress),
         "predicted_volumetric_strain": volumetric_strain(strain),
@@ -117,11 +124,36 @@ def _curves(batch: TestBatch, prediction: Prediction, test: int) -> dict[str, np
     if batch.kind == "mixed":
         difference, volume = known.T
         lateral = batch.control.targets[test, :steps, 1]
+        found["measured_axial_stress"] = lateral + difference
         found["measured_deviatoric_stress"] = difference
         found["measured_mean_stress"] = lateral + difference / 3.0
         found["measured_volumetric_strain"] = volume if weight[1] else np.full(steps, np.nan)
     else:
+        found["measured_axial_stress"] = known[:, 0]
         found["measured_deviatoric_stress"] = known[:, 0] - known[:, 2]
         found["measured_mean_stress"] = mean_stress(known)
         found["measured_volumetric_strain"] = volumetric_strain(driven)
     return found
+
+
+def _oedometer_curves(
+    batch: TestBatch, prediction: Prediction, test: int, real: Tensor
+) -> dict[str, np.ndarray]:
+    """Curves of a test driven by its axial stress, at its measured points alone."""
+    rows = real.nonzero().flatten()
+    strain = prediction.strain[0, test, rows].numpy()
+    stress = prediction.stress[0, test, rows].numpy()
+    measured = batch.observed[test, rows, 0].numpy()
+    unknown = np.full(len(rows), np.nan)
+    return {
+        "axial_strain": measured,
+        "predicted_axial_strain": strain[:, 0],
+        "predicted_axial_stress": stress[:, 0],
+        "predicted_deviatoric_stress": stress[:, 0] - stress[:, 2],
+        "predicted_mean_stress": mean_stress(stress),
+        "predicted_volumetric_strain": volumetric_strain(strain),
+        "measured_axial_stress": batch.control.targets[test, rows.numpy(), 0],
+        "measured_deviatoric_stress": unknown,
+        "measured_mean_stress": unknown,
+        "measured_volumetric_strain": measured,
+    }

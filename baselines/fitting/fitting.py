@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
 import torch
 import xarray as xr
 from torch import Tensor
@@ -40,6 +41,18 @@ TINY = 1e-6
 MOST_ATTEMPTS = 80
 """Pieces of an increment that a fit tries; beyond them the model counts as lost there. Sensible
 parameters need some ten, and one point that needs thousands would hold up all others."""
+
+LEAST_FOLLOWED = 0.5
+"""Share of the fitted points that a model has to reach for a fit to be one."""
+
+POOR = 0.3
+"""Error of a test, as a share of the range of what was measured, from which a fit is none."""
+
+AT_BOUND = 1e-3
+"""Distance from a bound, as a share of the parameter's range, that counts as at the bound."""
+
+LEAST_CHANGE = 1e-3
+"""Change of the stresses of a test, as a share of the largest, below which nothing happened."""
 
 SAME_COST = 1e-3
 """Relative difference of two sums of squares below which two starts found the same minimum."""
@@ -166,11 +179,14 @@ def fit(
     ConfigurationError
         If there is nothing to fit, or settings and tests do not go together.
     ModelError
-        If the model cannot start as the tests do.
+        If the model cannot start as the tests do, or follows less than half of their points with
+        the best parameters that were found.
     """
     settings = settings or FitSettings()
     if not tests:
         raise ConfigurationError("there is no test to fit: take one from --leave-out")
+    for test in tests:
+        _require_change(test)
     if cell.order != "principal":
         raise ConfigurationError(
             f"{cell.name} has {cell.order} components, laboratory tests principal ones; make the "
@@ -198,6 +214,7 @@ def fit(
         for batch in batches
     ]
     errors = tuple(error for each in predicted for error in errors_of(*each))
+    _require_followed(cell, errors)
     return Fit(
         cell=cell.copy_with(values),
         start=cell.values(),
@@ -209,8 +226,51 @@ def fit(
         uncertainty=uncertainty,
         errors=errors,
         curves=curves_of(predicted),
-        warnings=tuple(_warnings(problem, vector, minimum, identifiability, errors)),
+        warnings=(
+            *_warnings(problem, vector, minimum, identifiability, errors),
+            *_unknown_correlations(uncertainty),
+        ),
     )
+
+
+def _require_change(test: LaboratoryTest) -> None:
+    """Refuse a test in which nothing happened: any parameters would fit it."""
+    largest = float(np.nanmax(np.abs(test.stress)))
+    if not np.nanmax(np.ptp(test.stress, axis=0)) > LEAST_CHANGE * largest and (
+        test.lateral_stress_known or not np.ptp(test.stress[:, 0]) > LEAST_CHANGE * largest
+    ):
+        raise ConfigurationError(
+            f"{test.source}: its stresses stay constant, so that nothing can be fitted to it; "
+            "give a test in which they change"
+        )
+    if not np.nanmax(np.ptp(test.strain, axis=0)) > 0.0:
+        raise ConfigurationError(
+            f"{test.source}: its strains stay constant, so that nothing can be fitted to it; give "
+            "a test in which they change"
+        )
+
+
+def _require_followed(cell: ClassicalCell, errors: Sequence[TestError]) -> None:
+    """Refuse parameters with which the model follows less than half of what was fitted."""
+    fitted = [error for error in errors if error.role == "fitted"]
+    points, lost = sum(error.points for error in fitted), sum(error.lost for error in fitted)
+    if points - lost >= LEAST_FOLLOWED * points:
+        return
+    names = ", ".join(error.name for error in fitted if error.lost)
+    raise ModelError(
+        f"{cell.name} cannot follow {names}: with the best parameters that were found it reaches "
+        f"{points - lost} of {points} points; start from other parameters with --set or --params, "
+        "take more --starts, check the test's stresses, or fit another model"
+    )
+
+
+def _unknown_correlations(uncertainty: Uncertainty) -> list[str]:
+    if np.isfinite(uncertainty.correlation).all():
+        return []
+    return [
+        "the correlations of some parameters are not known, for the tests hardly depend on them; "
+        "fix some parameters with --free"
+    ]
 
 
 def searching_cell(cell: ClassicalCell) -> ClassicalCell:
@@ -295,6 +355,12 @@ def _warnings(
             f"the tests do not identify {', '.join(lost)}: other values fit as well; fix "
             f"{'some of them' if len(lost) > 1 else 'it'} with --free, or add tests"
         )
+    for error in errors:
+        if error.role == "fitted" and error.total > POOR:
+            found.append(
+                f"test {error.name} is off by {100.0 * error.total:.3g} % of its range: the model "
+                "does not fit it, and the parameters say little of the soil"
+            )
     best = int(minimum.cost.argmin())
     if not bool(minimum.converged[best]):
         found.append("the search ended before it converged; allow more with --iterations")
@@ -305,6 +371,7 @@ def _warnings(
     ]
     if stopped:
         found.append(f"{', '.join(stopped)} ran to the end of the range that is searched")
+    found += [text for name in space.names if (text := _at_bound(space, vector, name))]
     same = minimum.cost <= minimum.cost[best] * (1.0 + SAME_COST) + torch.finfo(torch.float64).eps
     if len(same) > 1 and int(same.sum()) == 1:
         found.append(
@@ -312,5 +379,20 @@ def _warnings(
         )
     for error in errors:
         if error.lost:
-            found.append(f"the model cannot follow test {error.name} to its end")
+            found.append(
+                f"the model cannot follow test {error.name} to its end: it does not reach "
+                f"{error.lost} of {error.points} points, and its parameters are not to be relied on"
+            )
     return found
+
+
+def _at_bound(space: ParameterSpace, vector: Tensor, name: str) -> str:
+    """A sentence where a parameter came to a bound of its range; empty where it did not."""
+    parameter = next(one for one in space.parameters if one.name == name)
+    value = float(space.values(vector)[name])
+    width = parameter.upper - parameter.lower
+    size = width if np.isfinite(width) else max(abs(float(space.cell.reference[name])), TINY)
+    for bound in (parameter.lower, parameter.upper):
+        if np.isfinite(bound) and abs(value - bound) <= AT_BOUND * size:
+            return f"{name} is {value:.6g}, at the bound {bound:g} of its range"
+    return ""

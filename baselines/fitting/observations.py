@@ -22,12 +22,15 @@ from granbench.tensors import COMPONENT_ORDERS
 Floats = NDArray[np.float64]
 
 CONTROLS = ("auto", "strain", "mixed")
+
+LARGEST_STRESS_STEP = 1.3
+"""Factor by which the axial stress of an oedometer test grows or falls at most in a step: loads are
+doubled there, which is a lot for one increment."""
 VOLUME_FLOOR = 0.02
 """Share of the axial strain that the range of the volumetric strain counts as at least: a volume
 that hardly changes would be compared to its own noise."""
 
 MIXED_QUANTITIES = ("deviatoric_stress", "volumetric_strain")
-UNITS = {"deviatoric_stress": "Pa", "volumetric_strain": "1"}
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,7 @@ class TestBatch:
     Parameters
     ----------
     names : of the tests
-    kind : of control, `strain` or `mixed`
+    kind : of control: `strain`, `mixed`, or `oedometer`, in which the axial stress drives
     control : what is prescribed, (test, step, ...)
     conditions : what is known at step 0, of every test
     quantities : what is compared
@@ -115,6 +118,8 @@ def batches_of(
         strain drives, the lateral stresses are held at what was measured, q and the volumetric
         strain are compared. `auto`: mixed wherever the lateral strain answered to a lateral
         stress, for there the stiffness would amplify the noise of the measured lateral strain.
+        An oedometer test whose lateral stress was not measured is driven by its axial stress, and
+        its axial strain is compared.
     points : to which a test is thinned; None for all
     weights : of quantities by name; 1 by default
 
@@ -125,15 +130,22 @@ def batches_of(
     """
     if control not in CONTROLS:
         raise ConfigurationError(f"control {control!r} is unknown; use {', '.join(CONTROLS)}")
-    groups: dict[str, list[LaboratoryTest]] = {"mixed": [], "strain": []}
+    groups: dict[str, list[LaboratoryTest]] = {"mixed": [], "strain": [], "oedometer": []}
     for test in tests:
         groups[_control_of(test, control)].append(test if points is None else test.thinned(points))
-    made = {"mixed": _mixed_batch, "strain": _strain_batch}
+    made = {"mixed": _mixed_batch, "strain": _strain_batch, "oedometer": _oedometer_batch}
     batches = [made[kind](members) for kind, members in groups.items() if members]
     return [_weighted(batch, weights or {}, batches) for batch in batches]
 
 
 def _control_of(test: LaboratoryTest, control: str) -> str:
+    if not test.lateral_stress_known:
+        if control != "auto":
+            raise ConfigurationError(
+                f"{test.source}: its lateral stress was not measured, so that its axial stress "
+                "drives; use --control auto"
+            )
+        return "oedometer"
     answering = test.kind in HELD_LATERAL_STRESS
     if control == "auto":
         return "mixed" if answering else "strain"
@@ -247,6 +259,48 @@ def _mixed_batch(tests: Sequence[LaboratoryTest]) -> TestBatch:
         torch.from_numpy(scale),
         torch.from_numpy(weight),
     )
+
+
+def _oedometer_batch(tests: Sequence[LaboratoryTest]) -> TestBatch:
+    stresses, strains, weights = zip(*map(_oedometer_steps, tests), strict=True)
+    stress, _ = _stacked(stresses)
+    strain, _ = _stacked(strains)
+    weight, real = _stacked(weights)
+    zero = np.zeros((*stress.shape[1:], 3))
+    control = MixedControl.together(
+        [
+            MixedControl.of_components("principal", ("11",), zero, zero + one[:, None])
+            for one in stress
+        ]
+    )
+    return TestBatch(
+        tuple(test.name for test in tests),
+        "oedometer",
+        control,
+        _conditions(tests),
+        ("axial_strain",),
+        torch.zeros(1, 3, dtype=torch.float64),
+        torch.tensor([[1.0, 0.0, 0.0]], dtype=torch.float64),
+        torch.from_numpy(strain[..., None]),
+        torch.from_numpy(np.ptp(strain, axis=1)[:, None]),
+        torch.from_numpy((weight * real)[..., None]),
+    )
+
+
+def _oedometer_steps(test: LaboratoryTest) -> tuple[Floats, Floats, Floats]:
+    """Axial stress and strain of each step, (step,), and weight: 0 where nothing was measured.
+
+    Between measured points the stress goes in even factors.
+    """
+    logarithm = np.log(test.stress[:, 0])
+    parts = np.ceil(np.abs(np.diff(logarithm)) / np.log(LARGEST_STRESS_STEP)).astype(int).clip(1)
+    rows = np.concatenate([[0], np.cumsum(parts)])
+    steps = np.arange(rows[-1] + 1)
+    weight = np.zeros(len(steps))
+    weight[rows[1:]] = 1.0
+    stress = np.exp(np.interp(steps, rows, logarithm))
+    stress[rows] = test.stress[:, 0]
+    return stress, np.interp(steps, rows, test.axial_strain), weight
 
 
 def _weighted(

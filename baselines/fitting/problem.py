@@ -1,5 +1,6 @@
 """The least-squares problem of a fit: residuals and Jacobians of many parameter vectors."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,8 +17,16 @@ from granbench.baselines.fitting.rollouts import (
 )
 from granbench.errors import ModelError
 
-LOST = 3.0
-"""Error, in ranges of the quantity, that counts for every point that a model does not reach."""
+LARGE = 1.0
+"""Error, in ranges of the quantity, above which only its logarithm grows."""
+
+LOST = 20.0
+"""Error, in ranges of the quantity, that counts for every point that a model does not reach: more
+than any point that it does reach, however far from the data. The logarithm gets there at e^19."""
+
+LAST_SHARE = 0.1
+"""Share of the error at the last point that was reached, by which lost ones count more: a slope
+along which a search comes back to parameters that follow further."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +68,7 @@ class Problem:
     -----
     The residuals are the weighted errors of all points; the sum of their squares is the sum over
     tests of the squared error, which for weights of one is the mean square over a test's points
-    and quantities of (predicted - measured)/range.
+    and quantities of (predicted - measured)/range, see `shortened` for errors above a range.
     """
 
     space: ParameterSpace
@@ -124,8 +133,11 @@ class Problem:
         parts = []
         for batch, prediction in zip(self.batches, evaluation.predictions, strict=True):
             change = sensitivity(self.space, vectors, batch, prediction)
-            reached = prediction.quantities(batch).isfinite()[..., None]
-            change = torch.where(reached, change, 0.0).nan_to_num(posinf=0.0, neginf=0.0)
+            predicted = prediction.quantities(batch)
+            lost, last = _lost(predicted)
+            change = _at_last(change.nan_to_num(posinf=0.0, neginf=0.0), last)
+            slope = _slope(_at_last(predicted, last), batch, last, lost)
+            change = slope[..., None] * change
             parts.append((batch.residual_weight[None, ..., None] * change).flatten(1, 3))
         return torch.cat(parts, dim=1)
 
@@ -152,8 +164,46 @@ class Problem:
 
 
 def _weighted_errors(predicted: Tensor, batch: TestBatch) -> Tensor:
-    """Residuals (vector, residual) of what was predicted (vector, test, step, quantity)."""
-    error = predicted - batch.observed
-    lost = ~torch.isfinite(error)
-    error = torch.where(lost, LOST * batch.scale[:, None].expand_as(error), error)
-    return (batch.residual_weight * error).flatten(1)
+    """Residuals (vector, residual) of what was predicted (vector, test, step, quantity).
+
+    An error of more than a range counts with its logarithm, and a lost point with more than any
+    error, so that a search never gains by parameters with which the model follows less.
+    """
+    lost, last = _lost(predicted)
+    ranges = shortened(_ranges(_at_last(predicted, last), batch, last))
+    ranges = torch.where(lost, LOST + LAST_SHARE * ranges.abs(), ranges)
+    return (batch.residual_weight * ranges * batch.scale[:, None]).flatten(1)
+
+
+def shortened(ranges: Tensor) -> Tensor:
+    """Errors, in ranges, of which what is beyond `LARGE` is its logarithm; at most `LOST`."""
+    size = ranges.abs()
+    logarithm = LARGE + LARGE * (size.clamp(min=LARGE) / LARGE).log()
+    return torch.where(size > LARGE, ranges.sign() * logarithm.clamp(max=LOST), ranges)
+
+
+def _ranges(predicted: Tensor, batch: TestBatch, last: Tensor) -> Tensor:
+    """Errors, in ranges, of predictions (vector, test, step, quantity) of the steps `last`."""
+    observed = _at_last(batch.observed.expand_as(predicted), last)
+    return (predicted - observed) / batch.scale[:, None]
+
+
+def _slope(predicted: Tensor, batch: TestBatch, last: Tensor, lost: Tensor) -> Tensor:
+    """Derivative of the residuals, over their weights, by the predictions of the steps `last`."""
+    ranges = _ranges(predicted, batch, last)
+    size = ranges.abs().clamp(min=LARGE)
+    slope = torch.where(size < math.exp(LOST / LARGE - 1.0), LARGE / size, 0.0)
+    return torch.where(lost, LAST_SHARE * slope * ranges.sign(), slope)
+
+
+def _lost(predicted: Tensor) -> tuple[Tensor, Tensor]:
+    """Which points (vector, test, step, quantity) are lost; of each, the last step not lost."""
+    lost = ~predicted.isfinite()
+    steps = torch.arange(predicted.shape[2])[:, None].expand_as(predicted)
+    return lost, torch.where(lost, 0, steps).cummax(dim=2).values
+
+
+def _at_last(values: Tensor, last: Tensor) -> Tensor:
+    """Values (vector, test, step, quantity, ...) of the steps `last` (vector, ..., quantity)."""
+    index = last.reshape(*last.shape, *(1,) * (values.ndim - last.ndim)).expand_as(values)
+    return values.gather(2, index)

@@ -27,12 +27,33 @@ def report_of(
 ) -> dict[str, Any]:
     """The fit as what JSON can hold: SI units, errors as shares of a quantity's range.
 
+    A number that is not known, such as the correlation of parameters on which nothing depends, is
+    None.
+
     Parameters
     ----------
     fit : what was found
     settings : how
     tests, left_out : what was fitted and what was only predicted
     """
+    return _without_nan(_report(fit, settings, tests, left_out))
+
+
+def _without_nan(part: Any) -> Any:
+    """A part of a report in which numbers that are not finite are None: JSON has no NaN."""
+    if isinstance(part, dict):
+        return {key: _without_nan(value) for key, value in part.items()}
+    if isinstance(part, list | tuple):
+        return [_without_nan(value) for value in part]
+    return None if isinstance(part, float) and not np.isfinite(part) else part
+
+
+def _report(
+    fit: Fit,
+    settings: FitSettings,
+    tests: Sequence[LaboratoryTest],
+    left_out: Sequence[LaboratoryTest],
+) -> dict[str, Any]:
     intervals, values = fit.interval(), fit.cell.values()
     known, spread = fit.identifiability, fit.uncertainty
     cost = fit.minimum.cost
@@ -71,7 +92,7 @@ def report_of(
         "uncertainty": {
             "method": spread.method,
             "names": list(fit.space.names),
-            "correlation": np.round(spread.correlation, 6).tolist(),
+            "correlation": np.round(spread.correlation, 6).tolist(),  # null where not known
         },
         "identifiability": {
             "names": list(known.names),
@@ -96,19 +117,39 @@ def report_of(
             "bootstrap": settings.bootstrap,
             "effort": vars(settings.effort),
         },
-        "tests": [
-            {
-                "name": test.name,
-                "source": test.source,
-                "kind": test.kind,
-                "points": test.steps,
-                "initial_mean_stress": test.initial_mean_stress,
-                "initial_void_ratio": test.initial_void_ratio,
-            }
-            for test in (*tests, *left_out)
-        ],
-        "warnings": [*_gaps(fit.cell, tests), *fit.warnings],
+        "tests": [_of_test(test, settings.points) for test in (*tests, *left_out)],
+        "warnings": [*_gaps(fit.cell, tests), *_thinned(tests, settings.points), *fit.warnings],
     }
+
+
+def _of_test(test: LaboratoryTest, points: int) -> dict[str, Any]:
+    """How a test was understood."""
+    understood = test.interpretation
+    return {
+        "name": test.name,
+        "source": test.source,
+        "kind": test.kind,
+        "initial_mean_stress": test.initial_mean_stress,
+        "initial_void_ratio": test.initial_void_ratio,
+        "kind_from": "" if understood is None else understood.kind,
+        "drainage": "" if understood is None else understood.drainage,
+        "stresses": "" if understood is None else understood.stresses,
+        "strain_measure": "" if understood is None else understood.strain_measure,
+        "columns_not_used": [] if understood is None else list(understood.not_used),
+        "notes": [] if understood is None else list(understood.notes),
+        "points": test.steps,
+        "points_used": test.thinned(points).steps,
+    }
+
+
+def _thinned(tests: Sequence[LaboratoryTest], points: int) -> list[str]:
+    """Where the reversals of a test are more than the points that were asked for."""
+    return [
+        f"test {test.name} turns round so often that {used} of its {test.steps} rows were used "
+        f"instead of {points}: no reversal is left out"
+        for test in tests
+        if (used := test.thinned(points).steps) > points
+    ]
 
 
 def _gaps(cell: ClassicalCell, tests: Sequence[LaboratoryTest]) -> list[str]:

@@ -70,7 +70,7 @@ class Uncertainty:
     ----------
     method : `laplace` or `bootstrap`
     low, high : (parameter,), ends of the 95 % intervals
-    correlation : (parameter, parameter)
+    correlation : (parameter, parameter); NaN where the curvature is so small that it is unknown
     samples : (sample, parameter) of a bootstrap, else none
     """
 
@@ -186,7 +186,8 @@ def _series(residual: Tensor, batches: Sequence[TestBatch]) -> Iterator[Floats]:
 def _normalised(covariance: Tensor) -> Floats:
     deviation = covariance.diagonal().clamp(min=0.0).sqrt()
     scale = torch.where(deviation > 0.0, deviation, 1.0)
-    return (covariance / torch.outer(scale, scale)).numpy()
+    correlation = covariance / torch.outer(scale, scale)
+    return torch.where(correlation.isfinite(), correlation, torch.nan).numpy()
 
 
 def independent_points(series: Floats) -> float:

@@ -11,6 +11,7 @@ from torch import Tensor, nn
 
 from granbench.baselines.training.tensor_files import read_tensors, write_tensors
 from granbench.errors import ModelError
+from granbench.json_reading import read_json_object, shortened
 from granbench.whole_file import whole_file
 
 WEIGHTS_FILE = "model.safetensors"
@@ -56,6 +57,41 @@ def write_model(folder: Path, weights: Mapping[str, Tensor], description: ModelD
     return folder
 
 
+def read_description(folder: Path) -> ModelDescription:
+    """What `model.json` of a trained model's folder says; its weights are not read.
+
+    Raises
+    ------
+    ModelError
+        If the file is missing or damaged.
+    """
+    path = folder / DESCRIPTION_FILE
+    if folder.is_dir() and not path.exists():
+        raise ModelError(
+            f"{folder}: has no {DESCRIPTION_FILE}, so it holds no trained model; give the folder "
+            "that `granbench train` wrote"
+        )
+    content = read_json_object(path, ModelError, remedy=_REMEDY)
+    for name in content:
+        if name not in _TYPES:
+            raise ModelError(f"{path}: is damaged (unknown key {shortened(name)}); {_REMEDY}")
+    for name, kind in _TYPES.items():
+        if not isinstance(content.get(name), kind) or isinstance(content[name], bool):
+            wanted = {dict: "an object", int: "an integer", str: "text"}[kind]
+            raise ModelError(f"{path}: is damaged ({name!r} must be {wanted}); {_REMEDY}")
+    return ModelDescription(**content)
+
+
+_TYPES: dict[str, type] = {
+    "baseline": str,
+    "configuration": dict,
+    "parameters": int,
+    "training": dict,
+    "weights_sha256": str,
+}
+_REMEDY = "train the model again or copy the file anew"
+
+
 def read_model(folder: Path) -> tuple[ModelDescription, dict[str, Tensor]]:
     """Description and weights of a trained model.
 
@@ -64,18 +100,7 @@ def read_model(folder: Path) -> tuple[ModelDescription, dict[str, Tensor]]:
     ModelError
         If a file is missing or damaged, or the two do not belong together.
     """
-    path = folder / DESCRIPTION_FILE
-    try:
-        description = ModelDescription(**json.loads(path.read_text()))
-    except FileNotFoundError as error:
-        raise ModelError(
-            f"{folder}: has no {DESCRIPTION_FILE}, so it holds no trained model; give the folder "
-            "that `granbench train` wrote"
-        ) from error
-    except (OSError, ValueError, TypeError) as error:
-        raise ModelError(
-            f"{path}: is damaged ({error}); train the model again or copy the file anew"
-        ) from error
+    description = read_description(folder)
     weights, _ = read_tensors(folder / WEIGHTS_FILE)
     if _digest(folder / WEIGHTS_FILE) != description.weights_sha256:
         raise ModelError(
@@ -93,6 +118,12 @@ def load_weights(module: nn.Module, weights: Mapping[str, Tensor], source: Path)
     ModelError
         If a tensor is missing, unknown or of another shape.
     """
+    for name, weight in weights.items():
+        if not weight.dtype.is_floating_point or not bool(weight.isfinite().all()):
+            raise ModelError(
+                f"{source / WEIGHTS_FILE}: tensor {shortened(name)} has values that are not finite "
+                "numbers; train the model again"
+            )
     try:
         module.load_state_dict(dict(weights))
     except RuntimeError as error:

@@ -4,6 +4,7 @@ The modules of the commands import what is heavy (torch, xarray, matplotlib) ins
 functions, so that ``granbench --help`` answers at once.
 """
 
+import logging
 import sys
 import warnings
 from collections.abc import Sequence
@@ -76,6 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")  # third parties talk to developers, not to the user
     words = sys.argv[1:] if arguments is None else list(arguments)
+    notes = _notes(silent=not {"--quiet", "-q"}.isdisjoint(words))
     try:
         code = app(words, prog_name="granbench", standalone_mode=False)
     except GranbenchError as error:
@@ -84,9 +86,26 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         code = INTERRUPTED
     except Exception as error:
         _fail(_usage_error(error))
+    finally:
+        logging.getLogger("granbench").removeHandler(notes)
     if code == INTERRUPTED:
         typer.echo("interrupted; the same command continues where it can", err=True)
     _leave(code if isinstance(code, int) else 0)
+
+
+class _Notes(logging.Handler):
+    """What the library does by itself and takes time over, such as making a dataset, on stderr."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        typer.echo(record.getMessage(), err=True)
+
+
+def _notes(silent: bool) -> logging.Handler:
+    handler = logging.NullHandler() if silent else _Notes()
+    logger = logging.getLogger("granbench")
+    logger.setLevel(logging.WARNING if silent else logging.INFO)
+    logger.addHandler(handler)
+    return handler
 
 
 def _fail(sentence: str) -> NoReturn:

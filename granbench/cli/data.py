@@ -13,9 +13,11 @@ from rich.table import Table
 from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.cli.pictures import drawing_errors
 from granbench.cli.printing import print_json, say, show
+from granbench.cli.termination import stopped_by_sigterm
 
 if TYPE_CHECKING:
-    from granbench.data.fetch import Progress as OnProgress
+    from granbench.data.download import Progress as OnProgress
+    from granbench.data.registry import RegistryEntry
 
 app = typer.Typer(
     help="Datasets: list, describe, fetch, verify and plot them.", no_args_is_help=True
@@ -45,8 +47,16 @@ def _download_bar(quiet: bool = False) -> Iterator["OnProgress"]:
 @app.command("list")
 def list_datasets(as_json: Json = False) -> None:
     """List the registered datasets."""
+    from granbench.data.making import is_made_at_once, is_made_on_request
     from granbench.data.registry import entries
     from granbench.data.store import present_file
+
+    def place(entry: "RegistryEntry", file: Path | None) -> str:
+        if file:
+            return "yes"
+        if is_made_at_once(entry):
+            return "made in seconds"
+        return "made by `fetch --make`" if is_made_on_request(entry) else "no"
 
     rows = [(entry, present_file(entry)) for entry in entries()]
     if as_json:
@@ -60,8 +70,7 @@ def list_datasets(as_json: Json = False) -> None:
     table = Table("dataset", "version", "tier", "size", "on this machine", "content")
     for entry, file in rows:
         size = f"{entry.bytes / 1e6:.1f} MB"
-        place = "yes" if file else "no"
-        table.add_row(entry.id, entry.version, entry.tier, size, place, entry.title)
+        table.add_row(entry.id, entry.version, entry.tier, size, place(entry, file), entry.title)
     show(table)
 
 
@@ -197,14 +206,27 @@ def fetch(
     dest: Annotated[
         Path | None, typer.Option("--dest", help="Folder to put it into.", file_okay=True)
     ] = None,
+    make: Annotated[
+        bool,
+        typer.Option(
+            "--make", help="Make a dataset here that no mirror gives, if that takes minutes."
+        ),
+    ] = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Fetch a dataset from the nearest mirror and check it against the registry."""
+    """Fetch a dataset from the nearest mirror and check it against the registry.
+
+    One that no mirror gives is made on this machine if that takes seconds; with --make, also if
+    it takes minutes.
+    """
     from granbench.data.store import bring, dataset_file
 
-    with _download_bar(quiet) as progress:
-        file = bring(name, dest, progress) if dest else dataset_file(name, progress)
+    with stopped_by_sigterm(), _download_bar(quiet) as progress:
+        if dest:
+            file = bring(name, dest, progress, minutes=make)
+        else:
+            file = dataset_file(name, progress, minutes=make)
     if as_json:
         print_json({"name": name, "file": str(file)})
     elif not quiet:
@@ -269,6 +291,9 @@ def register(
     identifier: Annotated[str, typer.Option("--id", help="Name in the registry.")],
     title: Annotated[str, typer.Option(help="One line for listings.")],
     command: Annotated[str, typer.Option(help="The command that made it.")],
+    seconds: Annotated[
+        float | None, typer.Option(help="How long the command takes, if anyone can run it.")
+    ] = None,
     tier: Annotated[str, typer.Option(help="mini, core or paper.")] = "core",
     mirror: Annotated[list[str] | None, typer.Option(help="Folder or address.")] = None,
     replace: Annotated[bool, typer.Option(help="Before publication only.")] = False,
@@ -281,6 +306,7 @@ def register(
         identifier=identifier,
         title=title,
         command=command,
+        seconds=seconds,
         tier=tier,
         mirrors=mirror or (),
         replace=replace,

@@ -119,6 +119,8 @@ def drive(
         print_json(_summary(answer, cell, out, plot))
     elif not quiet:
         typer.echo(_sentence(answer, cell, out))
+        for note in answer.notes:
+            typer.echo(f"note: {note}")
         if getattr(cell, "pressure_dependent", False) and (note := answer.tension()):
             typer.echo(f"note: {note}")
 

@@ -11,8 +11,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from granbench.cli.options import refuse_overwriting, require_one_of
-from granbench.cli.printing import print_json, show
+from granbench.cli.options import default_task, refuse_overwriting, require_one_of
+from granbench.cli.printing import print_json, say, show
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -36,8 +36,13 @@ def evaluate(
         ),
     ],
     task: Annotated[
-        str, typer.Option("--task", help="Dataset name, NAME@VERSION or netCDF file.")
-    ] = "dem-triaxial",
+        str | None,
+        typer.Option(
+            "--task",
+            help="Dataset name, NAME@VERSION or netCDF file; dem-triaxial by default, or "
+            "dem-triaxial-mini where that is not on this machine.",
+        ),
+    ] = None,
     axis: Annotated[
         list[str] | None,
         typer.Option(
@@ -94,10 +99,11 @@ def evaluate(
     from granbench.leaderboard.composition import check_target, compose
     from granbench.leaderboard.model_files import require_data_only
     from granbench.leaderboard.submission import About, read_submission
-    from granbench.predictions import evaluated
+    from granbench.predictions import CELL_NOTES, evaluated
     from granbench.protocols import predict, progress_parts
     from granbench.records import open_records
 
+    task = task or default_task()
     numbers = _numbers(seeds)
     axes = chosen_axes(axis or AXES)
     for target in (out, check_target(out)):
@@ -133,6 +139,8 @@ def evaluate(
         print_json(json.loads(out.read_text(encoding="utf-8")))
     elif not quiet:
         show(*tables(submission, others))
+        for note in json.loads(predictions.attrs.get(CELL_NOTES, "[]")):
+            say(f"note: {note}")
         typer.echo(_written(submission, out))
 
 

@@ -13,9 +13,10 @@ from rich.table import Table
 
 from granbench.cli.options import refuse_overwriting, require_one_of
 from granbench.cli.pictures import draw_beside_results
-from granbench.cli.printing import print_json, show
+from granbench.cli.printing import print_json, say, show
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError
+from granbench.printable import printable
 from granbench.whole_file import whole_folder
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 PARAMETERS = "parameters.json"
 RECORDS = "tests.nc"
+MOST_TESTS_SHOWN = 12
 WIDE, VAST = 4.0, 100.0
 """An interval that is so many times its value wide, or over whose ends differ by such a factor,
 tells next to nothing."""
@@ -90,7 +92,15 @@ def fit(
     ] = 0,
     column: Annotated[
         list[str] | None,
-        typer.Option("--column", metavar="QUANTITY=HEADER", help="As axial_strain=eps_ax."),
+        typer.Option(
+            "--column",
+            metavar="QUANTITY=HEADER",
+            help="What a column holds, as axial_strain=eps_ax or pore_pressure=PWP2.",
+        ),
+    ] = None,
+    ignore: Annotated[
+        list[str] | None,
+        typer.Option("--ignore", metavar="HEADER", help="Leave out this column of the files."),
     ] = None,
     unit: Annotated[
         list[str] | None,
@@ -98,8 +108,42 @@ def fit(
     ] = None,
     kind: Annotated[
         str | None,
-        typer.Option("--kind", help="What was controlled, such as triaxial-drained; else told."),
+        typer.Option(
+            "--kind",
+            help="What was controlled, such as triaxial-undrained or oedometer; recognised from "
+            "the file by default.",
+        ),
     ] = None,
+    stresses: Annotated[
+        str | None,
+        typer.Option(
+            "--stresses",
+            metavar="effective|total",
+            help="What the stresses are whose headers do not say it.",
+        ),
+    ] = None,
+    cell_pressure: Annotated[
+        float | None,
+        typer.Option(
+            "--cell-pressure", metavar="PA", help="Constant total one, where a file has none."
+        ),
+    ] = None,
+    back_pressure: Annotated[
+        float | None,
+        typer.Option(
+            "--back-pressure",
+            metavar="PA",
+            help="Pore pressure at the start, where a file does not give it.",
+        ),
+    ] = None,
+    k0: Annotated[
+        float,
+        typer.Option(
+            "--k0",
+            help="Lateral over axial stress at the start of an oedometer test without lateral "
+            "stress.",
+        ),
+    ] = 0.5,
     monotonic: Annotated[
         bool, typer.Option("--monotonic", help="Refuse an axial strain that falls.")
     ] = False,
@@ -114,7 +158,11 @@ def fit(
     ] = None,
     lateral_stress: Annotated[
         float | None,
-        typer.Option("--lateral-stress", metavar="PA", help="Where a file has none."),
+        typer.Option(
+            "--lateral-stress",
+            metavar="PA",
+            help="Constant effective one, where a file has none.",
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
@@ -124,6 +172,9 @@ def fit(
     The folder then holds parameters.json (for `drive`, `evaluate` and `fem`), fit.json, curves.csv,
     fit.png and, where every test is complete, tests.nc: records to score any model on. They come
     together at the end: a fit that is interrupted leaves the folder as it was.
+
+    How each file was understood is printed and kept in fit.json: kind of test, drainage, which
+    stresses are effective and why, p0. What a file leaves open is asked about.
     """
     if out.exists() and not out.is_dir():
         raise ConfigurationError(f"--out {out} is a file; give a folder")
@@ -142,14 +193,19 @@ def fit(
         file = Path(text.partition("::")[0])
         refuse_overwriting(out / RECORDS, f"--data {file}", file)
     reading = ImportSettings(
-        columns=_pairs("--column", column),
+        columns=_columns(column),
         units=_pairs("--unit", unit),
+        ignore=tuple(ignore or ()),
         kind=kind,
+        stresses=stresses,
         monotonic=monotonic,
         tension_positive=tension_positive,
         strain_measure=strain_measure,
         initial_void_ratio=e0,
         lateral_stress=lateral_stress,
+        cell_pressure=cell_pressure,
+        back_pressure=back_pressure,
+        k0=k0,
     )
     settings = FitSettings(
         free=None if free is None else tuple(filter(None, map(str.strip, free.split(",")))),
@@ -183,12 +239,14 @@ def fit(
     if as_json:
         print_json(report | {"folder": str(out)})
     elif not quiet:
+        for line in _understood(report):
+            say(line)
         show(*_tables(report))
         for warning in report["warnings"]:
-            typer.echo(f"note: {warning}")
-        typer.echo(f"the parameters are in {out / PARAMETERS}")
+            say(f"note: {warning}")
+        say(f"the parameters are in {out / PARAMETERS}")
         if picture is not None:
-            typer.echo(f"the picture is in {picture}")
+            say(f"the picture is in {picture}")
 
 
 def _pairs(option: str, texts: Sequence[str] | None) -> dict[str, str]:
@@ -199,6 +257,20 @@ def _pairs(option: str, texts: Sequence[str] | None) -> dict[str, str]:
             raise ConfigurationError(f"{option} {text!r}: give NAME=VALUE")
         pairs[name.strip()] = value.strip()
     return pairs
+
+
+def _columns(texts: Sequence[str] | None) -> dict[str, str]:
+    """Header of each quantity, from QUANTITY=HEADER or HEADER=QUANTITY."""
+    from granbench.laboratory.quantities import QUANTITIES
+
+    columns = {}
+    for text in texts or ():
+        first, _, rest = text.partition("=")
+        front, _, last = text.rpartition("=")
+        if first.strip() not in QUANTITIES and last.strip() in QUANTITIES and front:
+            first, rest = last, front
+        columns |= _pairs("--column", [f"{first}={rest}" if rest else text])
+    return columns
 
 
 def _number(option: str, text: str) -> float:
@@ -253,12 +325,7 @@ def _write(
     left_out: Sequence["LaboratoryTest"],
     out: Path,
 ) -> None:
-    from granbench.baselines.fitting.report import (
-        CURVES,
-        REPORT,
-        write_curves,
-        write_report,
-    )
+    from granbench.baselines.fitting.report import CURVES, REPORT, write_curves, write_report
     from granbench.laboratory import to_records
     from granbench.models.parameter_file import write_parameters
     from granbench.records import write_records
@@ -266,11 +333,29 @@ def _write(
     write_report(report, out / REPORT)
     write_curves(found, out / CURVES)
     every = [*tests, *left_out]
-    if all(test.lateral_strain_known for test in every):
+    if all(test.is_complete for test in every):
         names = [test.name for test in left_out]
         write_records(to_records(every, left_out=names), out / RECORDS)
     # The last of the results: whoever finds it finds the others as well.
     write_parameters(found.cell, out / PARAMETERS)
+
+
+def _understood(report: dict[str, Any]) -> Iterator[str]:
+    """How each test was understood, for the terminal; of many, the first ones."""
+    for test in report["tests"][:MOST_TESTS_SHOWN]:
+        void_ratio = test["initial_void_ratio"]
+        parts = [f"{test['kind']} ({test['kind_from']})" if test["kind_from"] else test["kind"]]
+        parts += [test[key] for key in ("drainage", "stresses") if test[key]]
+        parts.append(f"p0 = {test['initial_mean_stress'] / 1e3:.6g} kPa")
+        parts += [] if void_ratio is None else [f"e0 = {void_ratio:.4g}"]
+        parts += [f"{test['strain_measure']} strain"] if test["strain_measure"] else []
+        parts += test["notes"]
+        if test["columns_not_used"]:
+            parts.append(f"columns not used: {', '.join(test['columns_not_used'])}")
+        parts.append(f"{test['points']} rows read, {test['points_used']} used")
+        yield f"{test['name']}: {'; '.join(parts)}"
+    if (more := len(report["tests"]) - MOST_TESTS_SHOWN) > 0:
+        yield f"{more} more tests: see tests in fit.json"
 
 
 def _figure(found: "Fit") -> "Figure":
@@ -285,7 +370,11 @@ def _tables(report: dict[str, Any]) -> Iterator[Table]:
         table.add_column(heading, justify="right" if heading in ("value",) else "left")
     for row in report["parameters"]:
         interval = row["interval_95"]
-        shown = "–" if interval is None else f"{interval[0]:.4g} to {interval[1]:.4g}"
+        shown = (
+            "–"
+            if interval is None or None in interval
+            else f"{interval[0]:.4g} to {interval[1]:.4g}"
+        )
         known = _known(row)
         table.add_row(row["name"], row["symbol"], f"{row['value']:.6g}", shown, row["units"], known)
     yield table
@@ -299,7 +388,8 @@ def _tables(report: dict[str, Any]) -> Iterator[Table]:
         parts = [row["by_quantity"].get(name) for name in quantities]
         shown_parts = ["–" if part is None else f"{100.0 * part:.3g}" for part in parts]
         role = "" if row["role"] == "fitted" else row["role"]
-        table.add_row(row["test"], role, f"{100.0 * row['error']:.3g}", *shown_parts)
+        error = f"{100.0 * row['error']:.3g}"
+        table.add_row(printable(row["test"]), role, error, *shown_parts)
     yield table
 
 
@@ -310,6 +400,8 @@ def _known(row: dict[str, Any]) -> str:
     if row["identifiable"] is False:
         return "not identified"
     low, high = row["interval_95"]
+    if low is None or high is None:
+        return "hardly identified"
     wide = high - low > WIDE * abs(row["value"]) or 0.0 < VAST * low < high
     return "hardly identified" if wide else ""
 

@@ -26,8 +26,9 @@ def generate(
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
 ) -> None:
     """Generate a dataset; run the same command again to continue one that was interrupted."""
-    from granbench.generators.catalogue import generator
+    from granbench.generators.catalogue import generator, require_usable
 
+    require_usable(out)
     with stopped_by_sigterm():
         path, report = generator(dataset)(
             preset,

@@ -6,15 +6,10 @@ from typing import Annotated
 import typer
 
 from granbench.cli.printing import print_json
-from granbench.cli.submission import Dataset, File, Json, Quiet, rerun_bar
-from granbench.errors import ConfigurationError
+from granbench.cli.submission import Board, Dataset, File, Json, Quiet, rerun_bar
+from granbench.errors import ConfigurationError, SubmissionError
 
 app = typer.Typer(help="The leaderboard: accept submissions, build the site.", no_args_is_help=True)
-
-Board = Annotated[
-    Path | None,
-    typer.Option("--board", help="Folder of accepted submissions; the checkout's by default."),
-]
 
 
 @app.command()
@@ -25,10 +20,20 @@ def add(
     replace: Annotated[
         bool, typer.Option("--replace", help="Replace a submission of the same name.")
     ] = False,
+    word: Annotated[
+        str | None,
+        typer.Option(
+            "--word",
+            help="A maintainer's reason to accept what is flagged as a copy; kept in the row.",
+        ),
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Validate a submission and copy it, with its predictions or its model, onto the board."""
+    """Validate a submission and copy it, with its predictions or its model, onto the board.
+
+    The row has the recomputed numbers, not those of the file.
+    """
     from granbench.data.verification import task_file
     from granbench.leaderboard.board import accept, default_folder
     from granbench.leaderboard.submission import read_submission
@@ -37,10 +42,12 @@ def add(
     folder = board or default_folder()
     with rerun_bar(file, quiet or as_json) as progress:
         if dataset is None:
-            target = accept(file, folder, replace=replace, progress=progress)
+            target = accept(file, folder, replace=replace, word=word, progress=progress)
         else:
             with open_records(task_file(dataset)) as records:
-                target = accept(file, folder, records, replace=replace, progress=progress)
+                target = accept(
+                    file, folder, records, replace=replace, word=word, progress=progress
+                )
     badge = read_submission(target).badge
     if as_json:
         print_json({"accepted": str(target), "badge": badge})
@@ -62,17 +69,70 @@ def build(
     """Render the board as a static site that works offline."""
     from granbench.leaderboard.board import Row, accepted, default_folder
     from granbench.leaderboard.build import build as render
+    from granbench.leaderboard.ranking import path_errors
     from granbench.leaderboard.reference import replicate_scatters
     from granbench.leaderboard.submission import read_submission
 
     if board is not None and not board.is_dir():
-        raise ConfigurationError(f"--board {board} is no folder; give one of submissions")
+        raise ConfigurationError(f"--board {board} is not a folder; give one of submissions")
     rows = accepted(board or default_folder())
     for path in extra or ():
         claimed = read_submission(path).model_copy(update={"badge": "claimed"})
         rows.append(Row(claimed, path))
-    index = render(rows, out, replicate_scatters(row.submission.dataset for row in rows))
+    by_task: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        dataset = row.submission.dataset
+        by_task.setdefault((dataset.name, dataset.version), []).append(row)
+    errors = {place: path_errors(of_task) for place, of_task in by_task.items()}
+    index = render(rows, out, replicate_scatters(row.submission.dataset for row in rows), errors)
     if as_json:
         print_json({"index": str(index), "submissions": len(rows)})
     elif not quiet:
         typer.echo(f"{index} shows {len(rows)} submissions")
+
+
+@app.command()
+def revalidate(
+    board: Board = None,
+    changed: Annotated[
+        bool, typer.Option("--changed", help="Only rows that differ from an earlier commit.")
+    ] = False,
+    since: Annotated[
+        str | None,
+        typer.Option(
+            "--since",
+            help="That commit; where the branch left main, or the one before, by default.",
+        ),
+    ] = None,
+    state: Annotated[
+        Path | None,
+        typer.Option("--state", help="File that keeps what is done: run again to continue."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Validate rows of the board again, and check their seals."""
+    from granbench.leaderboard.revalidation import revalidate as run
+    from granbench.leaderboard.revalidation import touched
+    from granbench.leaderboard.rows import accepted, default_folder
+    from granbench.leaderboard.sealing import require_seal
+
+    if since is not None and not changed:
+        raise ConfigurationError("--since goes with --changed; give both")
+    folder = board or default_folder()
+    if not folder.is_dir():
+        raise ConfigurationError(f"--board {folder} is not a folder; give one of submissions")
+    everything = accepted(folder)
+    for row in everything:
+        require_seal(row.submission, row.file)
+    rows = touched(folder, since) if changed else everything
+    refused = []
+    for outcome in run(rows, folder, state):
+        if outcome.complaint is not None:
+            refused.append(outcome.complaint)
+            typer.echo(f"REFUSED {outcome.complaint}", err=True)
+        elif not quiet:
+            typer.echo(f"valid   {outcome.file}{' (known)' if outcome.known else ''}")
+    if not quiet:
+        typer.echo(f"{len(everything)} rows have their seal, {len(rows)} were validated again")
+    if refused:
+        raise SubmissionError(f"{len(refused)} of {len(rows)} rows are not valid: {refused[0]}")

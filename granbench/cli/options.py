@@ -4,6 +4,8 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+import typer
+
 from granbench.errors import ConfigurationError
 from granbench.whole_file import cannot_write
 
@@ -43,6 +45,20 @@ def require_writable(option: str, file: Path) -> None:
             pass
     except OSError as error:
         raise ConfigurationError(f"{option} {cannot_write(file, error)}") from error
+
+
+def default_task() -> str:
+    """The dataset of a command that names none, which says so where it is not the usual one."""
+    from granbench.data.store import DEFAULTS, default_dataset
+
+    task = default_dataset()
+    if task != DEFAULTS[0]:
+        typer.echo(
+            f"{DEFAULTS[0]} is not on this machine, so {task} is taken; name another dataset with "
+            "--task (`granbench data list`)",
+            err=True,
+        )
+    return task
 
 
 def require_one_of(option: str, given: str, allowed: Sequence[str]) -> None:

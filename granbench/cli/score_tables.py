@@ -32,6 +32,8 @@ RECOMPUTED = {
 }
 """Metrics against the truth along the noised strain, and under which heading they are shown."""
 
+TIED = "≈"
+
 Found = dict[tuple[str, str], "Score"]
 
 
@@ -47,7 +49,7 @@ def tables(submission: "Submission", others: Sequence["Submission"]) -> Iterator
         where = f"{submission.name} on {submission.task}, split {split}"
         protocols = [name for name in PROTOCOLS if (name, "stress_mse_mean") in found]
         if protocols:
-            yield _errors(found, protocols, where, submission.seeds)
+            yield _errors(found, protocols, where, _seeds(submission))
             yield from _beside(submission, others, found, protocols, split)
         if any(score.axis == PHYSICS for score in found.values()):
             yield _physics(found, where)
@@ -58,9 +60,14 @@ def tables(submission: "Submission", others: Sequence["Submission"]) -> Iterator
         yield _costs(costs, submission.name)
 
 
-def _errors(found: Found, protocols: list[str], where: str, seeds: Sequence[int]) -> Table:
+def _seeds(submission: "Submission") -> str:
+    labels = ", ".join(map(str, submission.seeds))
+    return f"one model, noise seeds {labels}" if submission.deterministic else f"seeds {labels}"
+
+
+def _errors(found: Found, protocols: list[str], where: str, seeds: str) -> Table:
     paths = found[protocols[0], "stress_mse_mean"].n
-    table = _plain_table(f"{where}: {paths} paths, seeds {', '.join(map(str, seeds))}")
+    table = _plain_table(f"{where}: {paths} paths, {seeds}")
     rows: dict[str, list[Score | None]] = {}
     for name in protocols:
         rows[name] = [found[name, metric] for metric in SHOWN]
@@ -91,12 +98,22 @@ def _beside(
 ) -> Iterator[Table]:
     if not others:
         return
+    from granbench.leaderboard.ranking import standing
+
     table = _plain_table(f"Stress MSE of others, split {split}")
-    for name in ("protocol", submission.name, *(other.name for other in others)):
-        table.add_column(name, justify="left" if name == "protocol" else "right")
+    table.add_column("protocol")
+    for one in (submission, *others):
+        note = standing(one)
+        table.add_column(f"{one.name}\n({note})" if note else one.name, justify="right")
+    tied = False
     for name in protocols:
         main = found[name, "stress_mse_mean"]
-        table.add_row(name, _shown(main), *(_of_other(other, main) for other in others))
+        cells = [_of_other(other, main) for other in others]
+        tied = tied or any(cell.startswith(TIED) for cell in cells)
+        table.add_row(name, _shown(main), *cells)
+    if tied:
+        table.caption = f"{TIED} tied with {submission.name}: the 95 % intervals overlap\n"
+        table.caption_justify = "left"
     yield table
 
 
@@ -213,5 +230,10 @@ def _interval(score: "Score | None") -> str:
 
 
 def _of_other(other: "Submission", score: "Score") -> str:
+    from granbench.leaderboard.ranking import overlapping
+
     same = [item for item in other.scores if item.key == score.key]
-    return _shown(same[0]) if same else "–"
+    if not same:
+        return "–"
+    known = same[0].value is not None and score.value is not None
+    return f"{TIED} {_shown(same[0])}" if known and overlapping(same[0], score) else _shown(same[0])

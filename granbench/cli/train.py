@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from granbench.cli.options import default_task
 from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import print_json
 from granbench.cli.termination import stopped_by_sigterm
@@ -30,8 +31,14 @@ def train(
         Path, typer.Option("--out", help="Folder of the run; one that was begun is continued.")
     ],
     task: Annotated[
-        str, typer.Option("--task", metavar="NAME|FILE", help="Dataset name or netCDF file.")
-    ] = "dem-triaxial",
+        str | None,
+        typer.Option(
+            "--task",
+            metavar="NAME|FILE",
+            help="Dataset name or netCDF file; dem-triaxial by default, or dem-triaxial-mini where "
+            "that is not on this machine.",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of weights and batches.")] = 0,
     preset: Annotated[
         str | None, typer.Option("--preset", help="Training settings, such as reference or paper.")
@@ -71,6 +78,7 @@ def train(
     from granbench.data.verification import task_file
     from granbench.records import open_records
 
+    task = task or default_task()
     model = find_baseline(baseline)
     # One by default: the bits of a result depend on the number of threads, and threads that
     # wait for a busy core made an epoch twenty times slower.

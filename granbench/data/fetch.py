@@ -2,39 +2,37 @@
 
 import contextlib
 import errno
-import http.client
+import importlib.util
 import os
 import shutil
-import time
-import urllib.error
-import urllib.request
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
+from functools import partial as given
 from pathlib import Path
 from typing import NoReturn
 
 import pooch
 
+from granbench.data.download import MirrorFailure, Progress, download, plain
+from granbench.data.partial_file import discard, open_partial
 from granbench.data.registry import RegistryEntry
 from granbench.errors import DownloadError
 
 MINI_FOLDER = Path(__file__).parent / "mini"
 """The mini tier, inside the wheel."""
 MIRROR_VARIABLE = "GRANBENCH_MIRROR"
-CHUNK = 1 << 18
-TIMEOUT = 30.0
-"""Seconds without a byte after which a connection counts as lost."""
-ATTEMPTS = 4
-"""Connections that may break in a row before a mirror is given up."""
-PAUSE = 0.5
-"""Seconds before the second connection; each further one waits twice as long."""
-NETCDF4_SIGNATURE = b"\x89HDF\r\n\x1a\n"
-
-Progress = Callable[[int, int], None]
-"""Called with the bytes so far and the bytes in all."""
+DATA_PACKAGE = "granbench_data"
+"""The package of the wheel `granbench-data`, which holds the files of the checkout."""
 
 
-class _MirrorFailure(Exception):
-    """This mirror cannot give the file; another one may."""
+class NoMirrorError(DownloadError):
+    """No mirror gives the file; `tried` says what each of them gave."""
+
+    def __init__(self, entry: RegistryEntry, tried: str) -> None:
+        super().__init__(
+            f"{entry.file} could not be fetched ({tried}); set {MIRROR_VARIABLE} to a folder or "
+            "address that holds it"
+        )
+        self.tried = tried
 
 
 def checkout_datasets() -> Path | None:
@@ -45,9 +43,18 @@ def checkout_datasets() -> Path | None:
     return root / "datasets" if is_checkout else None
 
 
+def installed_datasets() -> list[Path]:
+    """The folders of the package granbench-data, where it is installed."""
+    with contextlib.suppress(ImportError, ValueError):
+        if found := importlib.util.find_spec(DATA_PACKAGE):
+            return [Path(folder) for folder in found.submodule_search_locations or ()]
+    return []
+
+
 def folders_of(entry: RegistryEntry) -> list[Path]:
-    """Folders of this installation that may hold the file: checkout, and wheel for `mini`."""
+    """Folders of this installation that may hold the file: the wheels' and the checkout's."""
     found = [MINI_FOLDER] if entry.tier == "mini" else []
+    found += installed_datasets()
     return [*found, folder] if (folder := checkout_datasets()) else found
 
 
@@ -68,6 +75,14 @@ def why_not(path: Path, entry: RegistryEntry) -> str | None:
     if (digest := pooch.file_hash(str(path), alg="sha256")) != entry.sha256:
         return f"its SHA-256 is {digest[:12]}... instead of the registered {entry.sha256[:12]}..."
     return None
+
+
+def is_whole(path: Path, entry: RegistryEntry) -> bool:
+    """Whether the entry's file is here, as the registry describes it, and can be read."""
+    try:
+        return why_not(path, entry) is None
+    except (OSError, ValueError):
+        return False
 
 
 def fetch(
@@ -94,17 +109,18 @@ def fetch(
 
     Raises
     ------
+    NoMirrorError
+        If no mirror gives the registered file; the text says what each of them gave.
     DownloadError
-        If the folder cannot be written or is full, or no mirror gives the registered file; the
-        text says what each of them gave.
+        If the folder cannot be written or is full.
     """
     target = folder / entry.file
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with _one_at_a_time(folder):
-            if why_not(target, entry) is None:
+        with one_at_a_time(folder):
+            if is_whole(target, entry):
                 return target
-            held = [str(f) for f in also_in if why_not(f / entry.file, entry) is None]
+            held = [str(f) for f in also_in if is_whole(f / entry.file, entry)]
             _fetch_from_any([*held, *mirrors_of(entry)], entry, target, progress)
     except OSError as error:
         _local_failure(target, error)
@@ -118,27 +134,32 @@ def _fetch_from_any(
     failures = []
     for mirror in mirrors:
         try:
-            if mirror.startswith(("http://", "https://")):
-                _download(f"{mirror.rstrip('/')}/{entry.file}", entry, partial, progress)
+            if mirror.lower().startswith(("http://", "https://")):
+                address = f"{mirror.rstrip('/')}/{entry.file}"
+                check = given(why_not, entry=entry)
+                download(address, entry.bytes, partial, check, progress)
             elif "://" in mirror:
-                raise _MirrorFailure("only folders and http(s) addresses can be mirrors")
+                raise MirrorFailure("only folders and http(s) addresses can be mirrors")
             else:
-                _copy(Path(mirror).expanduser() / entry.file, entry, partial, progress)
-        except _MirrorFailure as failure:
-            failures.append(f"{mirror}: {failure}")
+                _copy(_folder(mirror) / entry.file, entry, partial, progress)
+        except MirrorFailure as failure:
+            failures.append(f"{plain(mirror)}: {failure}")
             continue
         os.replace(partial, target)
         return
-    tried = "; ".join(failures) or "there is no mirror to ask"
-    raise DownloadError(
-        f"{entry.file} could not be fetched ({tried}); set {MIRROR_VARIABLE} to a folder or "
-        "address that holds it, or try again later"
-    )
+    raise NoMirrorError(entry, "; ".join(failures) or "there is no mirror to ask")
+
+
+def _folder(mirror: str) -> Path:
+    try:
+        return Path(mirror).expanduser()
+    except RuntimeError as error:  # ~nobody
+        raise MirrorFailure(f"there is no such home folder ({error})") from error
 
 
 @contextlib.contextmanager
-def _one_at_a_time(folder: Path) -> Iterator[None]:
-    """Keep two processes from writing one `.part` file, where the system has locks."""
+def one_at_a_time(folder: Path) -> Iterator[None]:
+    """Keep two processes from writing into one folder, where the system has locks."""
     try:
         import fcntl
     except ImportError:  # Windows
@@ -146,7 +167,7 @@ def _one_at_a_time(folder: Path) -> Iterator[None]:
         return
     descriptor = os.open(folder, os.O_RDONLY)
     try:
-        with contextlib.suppress(OSError):  # a network folder may know no locks
+        with contextlib.suppress(OSError):  # a network folder may have no locks
             fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
     finally:
@@ -155,7 +176,8 @@ def _one_at_a_time(folder: Path) -> Iterator[None]:
 
 def _local_failure(path: Path, error: OSError) -> NoReturn:
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        path.with_name(path.name + ".part").unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            discard(path.with_name(path.name + ".part"))
         raise DownloadError(
             f"{path}: the disk is full; free some space or choose another folder with --dest"
         ) from error
@@ -167,114 +189,22 @@ def _local_failure(path: Path, error: OSError) -> NoReturn:
 
 def _copy(source: Path, entry: RegistryEntry, partial: Path, progress: Progress | None) -> None:
     # Checked before it is copied: a wrong file in the checkout costs no disk space.
-    if reason := why_not(source, entry):
-        raise _MirrorFailure(reason)
     try:
-        shutil.copyfile(source, partial)
+        reason = why_not(source, entry)
+        opened = source.open("rb") if reason is None else None
+    except (OSError, ValueError) as error:
+        raise MirrorFailure(f"it cannot be read ({plain(error)})") from error
+    if opened is None:
+        raise MirrorFailure(reason)
+    try:
+        with opened, open_partial(partial, keep=False) as copy:
+            shutil.copyfileobj(opened, copy)
     except OSError:
-        partial.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            discard(partial)
         raise
+    if reason := why_not(partial, entry):
+        discard(partial)
+        raise MirrorFailure(reason)
     if progress:
         progress(entry.bytes, entry.bytes)
-
-
-def _download(address: str, entry: RegistryEntry, partial: Path, progress: Progress | None) -> None:
-    """Continue `partial` until it is the entry's file, or raise `_MirrorFailure`."""
-    resumed = partial.exists()
-    _download_all(address, entry, partial, progress)
-    reason = why_not(partial, entry)
-    if reason and resumed:
-        # What was left over may be of another mirror's making: once more from the beginning.
-        partial.unlink()
-        _download_all(address, entry, partial, progress)
-        reason = why_not(partial, entry)
-    if reason:
-        partial.unlink()
-        raise _MirrorFailure(reason)
-
-
-def _download_all(
-    address: str, entry: RegistryEntry, partial: Path, progress: Progress | None
-) -> None:
-    broken = 0
-    while (done := _size(partial)) < entry.bytes:
-        try:
-            _continue(address, entry, partial, progress)
-            reason = "the connection ended early"
-        except urllib.error.HTTPError as error:
-            with error:
-                if error.code < 500 and error.code not in (408, 429):
-                    raise _MirrorFailure(f"HTTP status {error.code} {error.reason}") from error
-            reason = f"HTTP status {error.code} {error.reason}"
-        except (urllib.error.URLError, http.client.HTTPException, _ConnectionLost) as error:
-            reason = str(getattr(error, "reason", error))
-        broken = 0 if _size(partial) > done else broken + 1
-        if broken == ATTEMPTS:
-            raise _MirrorFailure(
-                f"{reason} after {_size(partial)} of {entry.bytes} bytes, which are kept: fetch "
-                "again to continue"
-            )
-        if broken:
-            time.sleep(PAUSE * 2 ** (broken - 1))
-
-
-class _ConnectionLost(Exception):
-    """The network failed while reading; kept apart from failures to write on this machine."""
-
-
-def _size(partial: Path) -> int:
-    return partial.stat().st_size if partial.exists() else 0
-
-
-def _continue(address: str, entry: RegistryEntry, partial: Path, progress: Progress | None) -> None:
-    """One connection: append what the server sends to `partial`."""
-    start = _size(partial)
-    request = urllib.request.Request(address, headers={"User-Agent": "granbench"})
-    if start:
-        request.add_header("Range", f"bytes={start}-")
-    with _connect(request) as response:
-        if start and response.status != 206:
-            start = 0  # the server knows no ranges and sends the whole file again
-        _check_answer(response, entry, start)
-        piece = _receive(response)
-        if not start and not piece.startswith(NETCDF4_SIGNATURE[: len(piece)]):
-            raise _MirrorFailure("the server sent something that is not a netCDF file")
-        # Opened only now: what was kept is not given up for an answer that is no file.
-        with partial.open("ab" if start else "wb") as file:
-            while piece:
-                start += len(piece)
-                if start > entry.bytes:
-                    raise _MirrorFailure(f"the server's file has more than {entry.bytes} bytes")
-                file.write(piece)
-                if progress:
-                    progress(start, entry.bytes)
-                piece = _receive(response)
-
-
-def _connect(request: urllib.request.Request) -> http.client.HTTPResponse:
-    try:
-        return urllib.request.urlopen(request, timeout=TIMEOUT)
-    except urllib.error.URLError:
-        raise
-    except OSError as error:
-        raise _ConnectionLost(error.strerror or str(error)) from error
-
-
-def _receive(response: http.client.HTTPResponse) -> bytes:
-    try:
-        return response.read1(CHUNK)
-    except OSError as error:
-        raise _ConnectionLost(error.strerror or str(error)) from error
-
-
-def _check_answer(response: http.client.HTTPResponse, entry: RegistryEntry, start: int) -> None:
-    if response.headers.get_content_type() == "text/html":
-        raise _MirrorFailure("the server sent a web page instead of the file")
-    span = response.headers.get("Content-Range", "")
-    if start and not span.startswith(f"bytes {start}-"):
-        raise _MirrorFailure(f"the server continued at {span!r} instead of byte {start}")
-    length = response.headers.get("Content-Length")
-    if length is not None and start + int(length) != entry.bytes:
-        raise _MirrorFailure(
-            f"the server's file has {start + int(length)} bytes instead of {entry.bytes}"
-        )

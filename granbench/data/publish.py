@@ -145,6 +145,7 @@ def register(
     identifier: str,
     title: str,
     command: str,
+    seconds: float | None = None,
     tier: str = "core",
     mirrors: Iterable[str] = (),
     replace: bool = False,
@@ -156,6 +157,7 @@ def register(
     file : sealed dataset whose attribute `dataset` is `identifier`
     title : one line for listings
     command : the command that made it
+    seconds : see `RegistryEntry.generator_seconds`
     tier : see `RegistryEntry`
     mirrors : folders or addresses that hold it
     replace : write over an entry of the same version, before it is published
@@ -192,6 +194,7 @@ def register(
                 "attributes_sha256": attributes_hash(ds),
                 "split_sha256": split_hash(ds),
                 "generator": command,
+                "generator_seconds": seconds,
                 "mirrors": tuple(mirrors),
             },
             source=str(file),
@@ -231,7 +234,9 @@ def write_attributes_hash(path: Path) -> RegistryEntry:
 
 
 def _write_entry(entry: RegistryEntry, path: Path) -> None:
-    text = yaml.safe_dump(entry.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+    text = yaml.safe_dump(
+        entry.model_dump(mode="json", exclude_none=True), sort_keys=False, allow_unicode=True
+    )
     with whole_file(path, RegistryError) as partial:
         partial.write_text(text, encoding="utf-8")
 

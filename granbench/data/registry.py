@@ -32,6 +32,8 @@ class RegistryEntry(BaseModel):
     attributes_sha256 : hash of what it says of itself, see `granbench.records.attributes_hash`
     split_sha256 : hash of the frozen split, see `granbench.data.splits.split_hash`
     generator : command that made it
+    generator_seconds : about how long that command takes on two cores; None where it is not a
+        `granbench generate` that anyone can run
     mirrors : folders or http(s) addresses that hold the file, tried in order
     """
 
@@ -50,6 +52,7 @@ class RegistryEntry(BaseModel):
     attributes_sha256: Sha256
     split_sha256: Sha256
     generator: str
+    generator_seconds: float | None = Field(default=None, gt=0)
     mirrors: tuple[str, ...] = ()
 
     @property

@@ -1,20 +1,33 @@
-"""Datasets by name: found in place, or fetched into the user's cache, and opened."""
+"""Datasets by name: found in place, or fetched or made in the user's cache, and opened."""
 
+import contextlib
 import os
 import re
+import shutil
 from pathlib import Path
 
 import pooch
 import xarray as xr
 
-from granbench.data.fetch import Progress, fetch, folders_of, why_not
+from granbench.data.download import Progress
+from granbench.data.fetch import (
+    MIRROR_VARIABLE,
+    NoMirrorError,
+    fetch,
+    folders_of,
+    is_whole,
+)
+from granbench.data.making import how_to_make, is_made_at_once, is_made_on_request, made_file, make
 from granbench.data.registry import RegistryEntry, entries
 from granbench.data.registry import entry as registry_entry
 from granbench.data.splits import select_split
-from granbench.errors import DatasetError
+from granbench.errors import ConfigurationError, DatasetError, DownloadError
 from granbench.records import mark_as_checked, open_records
+from granbench.whole_file import whole_file
 
 CACHE_VARIABLE = "GRANBENCH_CACHE"
+DEFAULTS = ("dem-triaxial", "dem-triaxial-mini")
+"""Datasets that a command takes where none is named, the first that is there."""
 
 REGISTERED_NAME = re.compile(r"[a-z0-9-]+(@[0-9.]+)?")
 
@@ -22,29 +35,54 @@ _checked: set[tuple[str, int, int, str]] = set()
 
 
 def cache_folder() -> Path:
-    """Where fetched datasets are kept: `GRANBENCH_CACHE`, or the user's cache of the system."""
-    return Path(os.environ.get(CACHE_VARIABLE) or pooch.os_cache("granbench")).expanduser()
+    """Where fetched datasets are kept: `GRANBENCH_CACHE`, or the user's cache of the system.
+
+    Raises
+    ------
+    ConfigurationError
+        If the variable names no folder.
+    """
+    chosen = os.environ.get(CACHE_VARIABLE)
+    try:
+        folder = Path(chosen or pooch.os_cache("granbench")).expanduser()
+        if not os.path.lexists(folder) or folder.is_dir():
+            return folder
+        reason = "it is not a folder"
+    except (OSError, RuntimeError, ValueError) as error:
+        reason = str(error)
+    place = f"{CACHE_VARIABLE}={chosen}" if chosen else "the user's cache folder"
+    raise ConfigurationError(
+        f"{place} cannot hold datasets ({reason}); set {CACHE_VARIABLE} to a folder that can be "
+        "written"
+    )
+
+
+def making_folder() -> Path:
+    """Where datasets are made that no mirror gives."""
+    return cache_folder() / "made"
 
 
 def local_file(entry: RegistryEntry) -> Path | None:
     """The entry's file where it already is on this machine - wheel, checkout or cache - or None.
 
-    A file counts only if size and SHA-256 agree with the registry; one that was checked is not
-    read again in this process unless it changes.
+    A file counts only if size and SHA-256 agree with the registry, or, where it was made here, if
+    its values do; one that was checked is not read again in this process unless it changes.
     """
     for folder in (*folders_of(entry), cache_folder()):
         if _is_whole(folder / entry.file, entry):
             return folder / entry.file
-    return None
+    return made_file(entry, making_folder())
 
 
 def present_file(entry: RegistryEntry) -> Path | None:
     """As `local_file`, but only the size is compared: for listings."""
     for folder in (*folders_of(entry), cache_folder()):
         path = folder / entry.file
-        if path.is_file() and path.stat().st_size == entry.bytes:
-            return path
-    return None
+        with contextlib.suppress(OSError):
+            if path.is_file() and path.stat().st_size == entry.bytes:
+                return path
+    made = making_folder() / entry.file
+    return made if os.path.isfile(made) else None
 
 
 def _is_whole(path: Path, entry: RegistryEntry) -> bool:
@@ -55,7 +93,7 @@ def _is_whole(path: Path, entry: RegistryEntry) -> bool:
     mark = (str(path), status.st_size, status.st_mtime_ns, entry.sha256)
     if mark in _checked:
         return True
-    if why_not(path, entry) is not None:
+    if not is_whole(path, entry):
         return False
     _checked.add(mark)
     mark_as_checked(path)
@@ -73,31 +111,82 @@ def registered_file(path: Path) -> RegistryEntry | None:
     return next(candidates, None)
 
 
-def dataset_file(name: str, progress: Progress | None = None) -> Path:
-    """The checked file of a registered dataset, fetched when it is not on this machine.
+def dataset_file(name: str, progress: Progress | None = None, *, minutes: bool = False) -> Path:
+    """The checked file of a registered dataset, fetched or made when it is not on this machine.
+
+    Parameters
+    ----------
+    name : `dem-triaxial` for the newest version, `dem-triaxial@1.0.0` for that one
+    progress : called while the file is fetched
+    minutes : whether a dataset that no mirror gives may be made here for some minutes; one that
+        takes seconds is made in any case
 
     Raises
     ------
     RegistryError
         If nobody registered the name.
     DownloadError
-        If no mirror gives the file.
+        If no mirror gives the file and it is not made here; the text says what can be done.
+    DatasetError
+        If what was made here is not the registered dataset.
     """
     entry = registry_entry(name)
-    return local_file(entry) or fetch(entry, cache_folder(), progress)
+    if found := local_file(entry):
+        return found
+    try:
+        return fetch(entry, cache_folder(), progress)
+    except NoMirrorError as failure:
+        return _made(entry, failure, minutes=minutes)
 
 
-def bring(name: str, folder: Path, progress: Progress | None = None) -> Path:
+def bring(
+    name: str, folder: Path, progress: Progress | None = None, *, minutes: bool = False
+) -> Path:
     """A registered dataset's file in a folder of the user's choice.
+
+    Parameters
+    ----------
+    name, progress, minutes : as for `dataset_file`
+    folder : where to put it; made when missing
 
     Raises
     ------
-    RegistryError
-        If nobody registered the name.
-    DownloadError
-        If the folder cannot be written or is full, or no mirror gives the file.
+    GranbenchError
+        As for `dataset_file`, or if the folder cannot be written or is full.
     """
-    return fetch(registry_entry(name), folder, progress, also_in=(cache_folder(),))
+    entry = registry_entry(name)
+    try:
+        return fetch(entry, folder, progress, also_in=(cache_folder(),))
+    except NoMirrorError as failure:
+        made = _made(entry, failure, minutes=minutes)
+    with whole_file(folder / entry.file, DownloadError, size=made.stat().st_size) as copy:
+        shutil.copyfile(made, copy)
+    return folder / entry.file
+
+
+def _made(entry: RegistryEntry, failure: NoMirrorError, *, minutes: bool) -> Path:
+    """The file made here, or the sentence that says what a user can do to get it."""
+    if made := made_file(entry, making_folder()):
+        return made
+    if is_made_at_once(entry) or (minutes and is_made_on_request(entry)):
+        return make(entry, making_folder())
+    here = ", ".join(present.id for present in entries() if present_file(present))
+    ways = [
+        "install the package granbench-data, which holds it",
+        "run in a checkout of GranBench",
+        f"set {MIRROR_VARIABLE} to a folder or address that holds {entry.file}",
+        *filter(None, [how_to_make(entry)]),
+    ]
+    raise DownloadError(
+        f"{entry.id} {entry.version} could not be fetched ({failure.tried}): "
+        f"{'; or '.join(ways)}. On this machine: {here or 'no dataset'}"
+    ) from failure
+
+
+def default_dataset() -> str:
+    """What is trained and scored on where no dataset is named: one that is on this machine."""
+    present = {entry.id for entry in entries() if present_file(entry)}
+    return next((name for name in DEFAULTS if name in present), DEFAULTS[0])
 
 
 def load(name: str, split: str | None = None, progress: Progress | None = None) -> xr.Dataset:
@@ -118,7 +207,7 @@ def load(name: str, split: str | None = None, progress: Progress | None = None) 
     RegistryError
         If the dataset or the split is unknown.
     DownloadError
-        If no mirror gives the file.
+        If no mirror gives the file and it does not take seconds to make; see `dataset_file`.
     """
     ds = open_records(dataset_file(name, progress))
     return ds if split is None else select_split(ds, split)

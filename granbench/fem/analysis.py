@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping
+from contextlib import nullcontext, redirect_stdout
 from dataclasses import asdict
 
 import torch
 
 from granbench.cell import MaterialCell
+from granbench.cell_check import checked_cell, spread_rows
 from granbench.errors import AnalysisError, ConfigurationError
 from granbench.fem.explicit import OnStep, solve_explicit
 from granbench.fem.gauss_points import GaussPoints
 from granbench.fem.implicit import solve_implicit
 from granbench.fem.iteration import ImplicitSettings
-from granbench.fem.loading import assemble_loading
+from granbench.fem.loading import AssembledLoading, assemble_loading
 from granbench.fem.mesh import Floats, PlaneMesh
-from granbench.fem.operators import build_operators
+from granbench.fem.operators import Operators, build_operators
 from granbench.fem.problems import Problem, find_problem
 from granbench.fem.remarks import remarks
 from granbench.fem.result import Analysis, Recorder
@@ -35,6 +38,7 @@ def run(
     mesh: str | PlaneMesh | None = None,
     scalars: Mapping[str, float | Floats] | None = None,
     on_step: OnStep | None = None,
+    check: bool = True,
 ) -> Analysis:
     """Analyse a boundary-value problem with a cell as its material.
 
@@ -46,6 +50,8 @@ def run(
     mesh : name of one of the problem's meshes, or a mesh with the boundaries that it names
     scalars : what the cell may want to know at the start, such as `initial_void_ratio`
     on_step : called at output steps
+    check : whether the cell is checked before and after, see `granbench.cell_check`; of one that
+        was checked, or whose steps cost much, it may be left out
 
     Returns
     -------
@@ -58,12 +64,12 @@ def run(
         If problem, solver, mesh and cell do not fit each other or are none, or the time step is
         unstable.
     ModelError
-        If the cell cannot start so.
+        If the cell cannot start so, or does not pass the check.
     """
     if not isinstance(cell, MaterialCell):
         raise ConfigurationError(
-            f"an object of type {type(cell).__name__} is no material; give a MaterialCell, such as "
-            "granbench.models.MODELS['j2']() or a ModuleCell of your network"
+            f"an object of type {type(cell).__name__} is not a material; give a MaterialCell, such "
+            "as granbench.models.MODELS['j2']() or a ModuleCell of your network"
         )
     if isinstance(problem, str):
         problem = find_problem(problem)
@@ -80,16 +86,9 @@ def run(
     known = {"initial_mean_stress": 0.5 * (stress[0] + stress[1]), **(scalars or {})}
     points = GaussPoints(cell, stress, operators.points, known)
     recorder = Recorder(operators, points, problem.drive_length)
-    failure: AnalysisError | KeyboardInterrupt | None = None
-    parts = (operators, loading, points)
-    try:
-        with torch.no_grad():
-            if isinstance(settings, ExplicitSettings):
-                solve_explicit(*parts, settings, recorder, on_step)
-            else:
-                solve_implicit(*parts, settings, recorder, on_step)
-    except (AnalysisError, KeyboardInterrupt) as reason:
-        failure = reason
+    checked = checked_cell(cell, points.state[spread_rows(points.count)])
+    with checked if check else nullcontext() as passed:
+        failure = _solved(operators, loading, points, settings, recorder, on_step)
     attributes = {
         "problem": problem.name,
         "title": problem.title,
@@ -105,12 +104,40 @@ def run(
         "completed": int(failure is None),
         "failed_step": getattr(failure, "step", -1),
         "initial_imbalance": points.initial_imbalance,
+        "notes": "\n".join(passed.notes) if passed else "",
     }
     dataset = recorder.dataset(attributes)
     if isinstance(failure, AnalysisError):
         failure.args = ("; ".join([str(failure), *remarks(dataset)]),)
     dataset.attrs["failure"] = "" if failure is None else str(failure) or "interrupted"
     return Analysis(dataset, failure)
+
+
+def _solved(
+    operators: Operators,
+    loading: AssembledLoading,
+    points: GaussPoints,
+    settings: Settings,
+    recorder: Recorder,
+    on_step: OnStep | None,
+) -> AnalysisError | KeyboardInterrupt | None:
+    """Run the solver; what goes into the recorder stays there when it fails.
+
+    Returns
+    -------
+    Why it ended early, or None
+    """
+    parts = (operators, loading, points)
+    try:
+        # What a model prints is not part of what a command prints.
+        with torch.no_grad(), redirect_stdout(sys.stderr):
+            if isinstance(settings, ExplicitSettings):
+                solve_explicit(*parts, settings, recorder, on_step)
+            else:
+                solve_implicit(*parts, settings, recorder, on_step)
+    except (AnalysisError, KeyboardInterrupt) as reason:
+        return reason
+    return None
 
 
 def settings_for(problem: Problem, solver: str) -> Settings:

@@ -1,12 +1,13 @@
-"""A cell that fails as a program, not as a material: it raises, or answers with no stress."""
+"""A cell that fails as a program, not as a material: it raises, or returns something else."""
 
 from __future__ import annotations
 
-from granbench.errors import AnalysisError, GranbenchError, where_it_fell
+from granbench.errors import AnalysisError, GranbenchError
+from granbench.user_code import failure_location
 
 
 class CellFailure(AnalysisError):
-    """A cell raised an error, or answered with what is no stress and state.
+    """A cell raised an error, or answered with something other than stress and state.
 
     Parameters
     ----------
@@ -19,17 +20,17 @@ class CellFailure(AnalysisError):
         super().__init__(sentence)
 
 
-def raised(model: str, error: Exception, step: int) -> CellFailure:
-    """Of a cell that raised: what it says of itself, or for a stranger's code, where it fell."""
+def raised(model: str, error: BaseException, step: int) -> CellFailure:
+    """A cell raised an error: its own sentence, or the line of user code where it happened."""
     if isinstance(error, GranbenchError):
         return CellFailure(str(error), step)
     return CellFailure(
-        f"{model} failed in step {step} {where_it_fell(error)}; mend the model", step
+        f"{model} failed in step {step} {failure_location(error)}; fix the model", step
     )
 
 
 def misanswered(model: str, found: object, step: int) -> CellFailure:
-    """Of a cell that answered with anything but tensors."""
+    """A cell answered with anything but tensors."""
     kinds = [type(part).__name__ for part in (found if isinstance(found, tuple) else (found,))]
     return CellFailure(
         f"{model} answers in step {step} with {', '.join(kinds)}; a step must return two tensors, "

@@ -10,19 +10,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from granbench.cell import Conditions, MaterialCell
+from granbench.cell import FLOATING_FAILURES, Conditions, MaterialCell
 from granbench.difference_tangent import with_cheap_tangent
 from granbench.errors import (
     AnalysisError,
     ConfigurationError,
-    GranbenchError,
     ModelError,
-    where_it_fell,
 )
 from granbench.fem.cell_failure import CellFailure, misanswered, raised
 from granbench.fem.mesh import Floats
-from granbench.stress_control import FLOATING_FAILURES, Answer, surviving
+from granbench.stress_control import Answer, surviving
 from granbench.tensors import COMPONENT_ORDERS
+from granbench.user_code import user_code
 
 ORDER = "plane"
 COMPONENTS = len(COMPONENT_ORDERS[ORDER])
@@ -109,8 +108,7 @@ class GaussPoints:
                 f"{', '.join(COMPONENT_ORDERS[ORDER])}; make the model in the plane order"
             )
         self.cell, self.positions = cell, positions
-        # Newton's method needs a direction; what it arrives at does not depend on the tangent.
-        self._linearised = with_cheap_tangent(cell)
+        self._linearised: MaterialCell | None = None
         self.count = len(positions)
         self.seconds = self.initial_imbalance = 0.0
         self._like = cell.dtype == torch.float64
@@ -123,19 +121,12 @@ class GaussPoints:
                 for name, value in (scalars or {}).items()
             },
         )
-        try:
-            with torch.no_grad():
-                state = cell.initial_state(conditions)
-        except GranbenchError:
-            raise
-        except Exception as error:
-            raise ModelError(
-                f"{cell.name} failed to make its first state {where_it_fell(error)}; mend the model"
-            ) from error
+        with torch.no_grad(), user_code(f"{cell.name} failed to make its first state"):
+            state = cell.initial_state(conditions)
         if not isinstance(state, Tensor):
             raise ModelError(
-                f"{cell.name} begins with a state that is no tensor but a {type(state).__name__}; "
-                "mend the model"
+                f"{cell.name} begins with a state that is not a tensor but a "
+                f"{type(state).__name__}; return a tensor from `initial_state`"
             )
         # Component-major: each component is contiguous over the points.
         self.state = state.detach().T.contiguous().T
@@ -163,6 +154,9 @@ class GaussPoints:
     def tangent(self, dstrain: Floats, step: int) -> tuple[Floats, Floats]:
         """As `step`, with a tangent (point, 3, 3), Pa, see `granbench.difference_tangent`."""
         begin = time.perf_counter()
+        if self._linearised is None:
+            # Newton's method needs a direction; what it arrives at does not depend on the tangent.
+            self._linearised = with_cheap_tangent(self.cell)
         try:
             stress, state, tangent = self._ask(self._linearised.tangent, dstrain, step, 3)
         except CellFailure:
@@ -211,9 +205,9 @@ class GaussPoints:
                     found = self._answer(answer, increment)
             else:
                 found = self._answer(answer, increment)
-        except AnalysisError:
+        except (AnalysisError, KeyboardInterrupt):
             raise
-        except Exception as error:  # a stranger's code: an analysis keeps what it computed before
+        except BaseException as error:  # user code: an analysis keeps what it computed before
             raise raised(self.cell.name, error, step) from error
         whole = isinstance(found, tuple) and len(found) >= parts
         if not (whole and isinstance(found[0], Tensor) and isinstance(found[1], Tensor)):
@@ -252,7 +246,7 @@ class GaussPoints:
         if state.shape != self.state.shape:
             raise CellFailure(
                 f"{self.cell.name} answers a state of shape {tuple(self.state.shape)} with one of "
-                f"{tuple(state.shape)}; mend the model",
+                f"{tuple(state.shape)}; return the state in the shape that it had",
                 step,
             )
         values = np.ascontiguousarray(array.T, dtype=float).reshape(-1)

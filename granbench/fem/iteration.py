@@ -286,8 +286,9 @@ class InitialStiffness(Scheme):
         solve = balance.pattern.factorised(tangent) if definite else None
         if solve is None:
             raise ConfigurationError(
-                f"{balance.points.cell.name} has no elastic stiffness that the scheme "
-                "'initial-stiffness' could use; give a positive definite one as `stiffness`"
+                f"the stiffness of {balance.points.cell.name} at the start is not positive "
+                "definite, as the scheme 'initial-stiffness' needs it; take the scheme 'newton' or "
+                "the explicit solver, or give ImplicitSettings a positive definite `stiffness`"
             )
         self._solve = solve
 

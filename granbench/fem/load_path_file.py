@@ -1,68 +1,97 @@
-"""Load paths from CSV files: the driving displacement of a problem against time."""
+"""Load paths from tables: the driving displacement of a problem against time."""
 
 from __future__ import annotations
 
-import csv
+from collections.abc import Callable, Mapping
 from pathlib import Path
+
+import numpy as np
 
 from granbench.errors import ConfigurationError
 from granbench.fem.loading import LoadingHistory
+from granbench.paths.table_files import read_table
+from granbench.paths.tables import Column, Table
+from granbench.units import length_factor, split_strange_unit, time_factor
 
 COLUMNS = {"time": "s", "displacement": "m"}
-"""Names of the columns, and their units."""
+"""Names of the columns, and their units where the file states none."""
+FACTORS: Mapping[str, Callable[[str], float | None]] = {
+    "time": time_factor,
+    "displacement": length_factor,
+}
+LARGEST_DISPLACEMENT = 1.0
+"""m; a larger one without a unit is a number of millimetres."""
+
+_WANTED = " and ".join(f"{name} (in {unit})" for name, unit in COLUMNS.items())
 
 
 def read_load_path(file: Path | str) -> LoadingHistory:
-    """The driving displacement from a file with the columns `time` (s) and `displacement` (m).
+    """The driving displacement from a table with the columns `time` (s) and `displacement` (m).
 
-    It is linear between the rows, which begin at time 0.
+    It is linear between the rows, which begin at time 0. A header may state another unit, as
+    ``displacement [mm]``.
 
     Raises
     ------
     ConfigurationError
-        Naming the file, and the row where there is one: it is missing, lacks a column or has
-        another one, a cell is no number, the times do not rise from 0, or nothing moves.
+        Naming the file, and the row where there is one: see `read_table`; it lacks a column or has
+        another one, a unit is unknown, a cell is no number, the times do not rise from 0, nothing
+        moves, or a displacement without a unit is as large as only millimetres are.
     """
-    path = Path(file)
-    times, values = _columns(path)
+    table = read_table(
+        Path(file), ConfigurationError, lambda name: name in COLUMNS, _WANTED, "a CSV file"
+    )
+    columns = {_name(column): column for column in table.columns if _is_asked(table, column)}
+    if sorted(columns) != sorted(COLUMNS):
+        raise ConfigurationError(
+            f"load path {table.source}: has the columns {', '.join(columns) or 'none'}; give "
+            f"{_WANTED}"
+        )
+    times, values = (_numbers(table, columns[name], name) for name in COLUMNS)
+    if _unit(columns["displacement"]) is None and max(map(abs, values), default=0.0) > (
+        LARGEST_DISPLACEMENT
+    ):
+        row = int(np.abs(values).argmax())
+        raise ConfigurationError(
+            f"load path {table.source}, {table.places[row]}: the displacement is {values[row]:g} "
+            "m: is it in millimetres? Write its unit into the header, as displacement [mm], or "
+            "displacement [m] if it is in metres"
+        )
     try:
         history = LoadingHistory(times, values)
     except ConfigurationError as error:
-        raise ConfigurationError(f"{path}: {error}") from error
+        raise ConfigurationError(f"{table.source}: {error}") from error
     if values[0] != 0.0 or not any(values):
         raise ConfigurationError(
-            f"load path {path}: begins at a displacement of {values[0]:g} m and ends at "
+            f"load path {table.source}: begins at a displacement of {values[0]:g} m and ends at "
             f"{values[-1]:g} m; let it begin at 0 and move"
         )
     return history
 
 
-def _columns(path: Path) -> tuple[tuple[float, ...], ...]:
-    """The columns of the file, in the order of `COLUMNS`."""
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file, skipinitialspace=True)
-            names = [name.strip() for name in reader.fieldnames or ()]
-            if sorted(names) != sorted(COLUMNS):
-                wanted = " and ".join(f"{name} (in {unit})" for name, unit in COLUMNS.items())
-                raise ConfigurationError(
-                    f"load path {path}: has the columns {', '.join(names) or 'none'}; give {wanted}"
-                )
-            reader.fieldnames = names
-            rows = [
-                tuple(_number(path, reader.line_num, name, row[name]) for name in COLUMNS)
-                for row in reader
-            ]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ConfigurationError(f"load path {path}: cannot be read ({reason})") from error
-    return tuple(zip(*rows, strict=True)) or ((), ())
+def _is_asked(table: Table, column: Column) -> bool:
+    """Whether a column holds numbers; dates and remarks are nothing that a load path asks for."""
+    return not table.places or column.has_numbers or _name(column) in COLUMNS
 
 
-def _number(path: Path, line: int, name: str, cell: str | None) -> float:
-    try:
-        return float(cell or "")
-    except ValueError:
+def _name(column: Column) -> str:
+    name, _ = split_strange_unit(column.name) or (column.name, None)
+    return name if name in COLUMNS else column.name
+
+
+def _unit(column: Column) -> str | None:
+    return column.unit or (split_strange_unit(column.name) or ("", None))[1]
+
+
+def _numbers(table: Table, column: Column, name: str) -> tuple[float, ...]:
+    unit = _unit(column)
+    factor = 1.0 if unit is None else FACTORS[name](unit)
+    if factor is None:
         raise ConfigurationError(
-            f"load path {path}, line {line}: {name} is {cell or 'missing'!r}, which is no number"
-        ) from None
+            f"load path {table.source}: {name} is in {unit!r}, which is no unit of it that is "
+            f"known; give it in {COLUMNS[name]}"
+        )
+    if fault := table.fault(column):
+        row, what = fault
+        raise ConfigurationError(f"load path {table.source}, {table.places[row]}: {name} {what}")
+    return tuple((factor * table.values(column)).tolist())

@@ -28,8 +28,9 @@ def remarks(dataset: xr.Dataset) -> list[str]:
         f"mesh {dataset.attrs['mesh']}: {note}"
         for note in json.loads(dataset.attrs.get("mesh_notes", "[]"))
     ]
+    about_model = str(dataset.attrs.get("notes", "")).splitlines()
     found = _imbalance(dataset), _volume(dataset), _turned(dataset)
-    return [*about_mesh, *(sentence for sentence in found if sentence is not None)]
+    return [*about_mesh, *about_model, *(sentence for sentence in found if sentence is not None)]
 
 
 def first_implausible_step(dataset: xr.Dataset) -> int | None:

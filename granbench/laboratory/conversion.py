@@ -34,7 +34,8 @@ def to_records(
     left_out : names of the tests that make the split `test`; the others are `train`
     name : of the dataset
     licence : of the data
-    steps : of every path; the tests are interpolated linearly along their curve to as many
+    steps : of every path; the tests are interpolated linearly along their curve to as many, or
+        to more where one of them has more reversals: all of them are kept
 
     Raises
     ------
@@ -52,6 +53,12 @@ def to_records(
             f"{unknown[0].source}: the lateral strain is not known, so the test is no complete "
             "record; add the volumetric strain or the void ratio"
         )
+    if unknown := [test for test in tests if not test.lateral_stress_known]:
+        raise DatasetError(
+            f"{unknown[0].source}: the lateral stress is not known, so the test is no complete "
+            "record; leave it out"
+        )
+    steps = max(steps, *(test.reversals for test in tests))
     even = [test.resampled(steps) for test in tests]
     series = ("path", "step")
     variables: dict[str, tuple[tuple[str, ...], object]] = {

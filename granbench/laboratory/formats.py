@@ -4,21 +4,30 @@ import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-import numpy as np
 from numpy.typing import NDArray
 
 from granbench.errors import DatasetError
+from granbench.input_file import require_file
 from granbench.laboratory import grainlearning, masi, soilmodels
+from granbench.laboratory.array_file import read_arrays
 from granbench.laboratory.assembly import assemble
 from granbench.laboratory.conversion import from_records
 from granbench.laboratory.laboratory_test import LaboratoryTest
+from granbench.laboratory.quantities import known_quantity
 from granbench.laboratory.settings import ImportSettings
-from granbench.laboratory.tables import Column, Table, read_text_table
+from granbench.paths.table_files import MOST_BYTES, read_table
+from granbench.paths.tables import Column, Table
+from granbench.paths.workbook import read_sheets
 from granbench.records import open_records
 
 ArrayReader = Callable[[Path, Mapping[str, NDArray], ImportSettings], list[LaboratoryTest]]
 
 SOILMODELS_KEYS = frozenset({"a0", "a1", "a2"})
+WORKBOOKS = (".xlsx", ".xlsm")
+MOST_BYTES_OF_RECORDS = 20_000_000_000
+EXAMPLE = "a table with a header such as eps1 [%], q [kPa]"
+KINDS_OF_FILES = "a CSV, .dat, .xlsx or .npz file"
+
 KARLSRUHE_HEADERS = ("eps1", "epsv", "eps3", "epsq", "Void ratio", "q", "p", "eta = q/p")
 
 
@@ -27,33 +36,36 @@ def read_tests(path: Path | str, settings: ImportSettings | None = None) -> list
 
     Parameters
     ----------
-    path : a table as text (CSV or columns between blanks), a SoilModels protocol (.xlsx) or its
-        paths (.npz), GrainLearning's oedometer runs (.npz), Masi's paths (.npz), records (.nc)
+    path : a table as text or in the one sheet of a workbook (.xlsx), a SoilModels protocol
+        (.xlsx) or its paths (.npz), GrainLearning's oedometer runs (.npz), Masi's paths (.npz),
+        records (.nc)
     settings : what the file does not say itself
 
     Returns
     -------
-    The tests; a table of text holds one
+    The tests; a table holds one
 
     Raises
     ------
     DatasetError
-        In one sentence, naming file, row and column: see `assemble`.
+        In one sentence, naming file, row and column: see `read_table`, `assemble`.
     """
     path, settings = Path(path), settings or ImportSettings()
-    if path.is_dir():
-        raise DatasetError(f"{path}: is a folder; give a file in it")
-    if not path.is_file():
+    if not path.exists():
         raise DatasetError(f"{path}: there is no such file; check the name")
-    if path.suffix.lower() == ".nc":
+    is_records = path.suffix.lower() == ".nc"
+    require_file(path, DatasetError, MOST_BYTES_OF_RECORDS if is_records else MOST_BYTES)
+    if is_records:
         with open_records(path) as records:
             return from_records(records, str(path))
-    if path.suffix.lower() == ".xlsx":
-        return soilmodels.read_protocol(path, settings)
-    if zipfile.is_zipfile(path):
-        arrays = _arrays(path)
+    if path.suffix.lower() in WORKBOOKS:
+        sheets = read_sheets(path, DatasetError)
+        if soilmodels.is_protocol(sheets):
+            return soilmodels.read_protocol(path, sheets, settings)
+    elif zipfile.is_zipfile(path):
+        arrays = read_arrays(path)
         return _array_reader(path, arrays)(path, arrays, settings)
-    return [_text_test(path, settings)]
+    return [_table_test(path, settings)]
 
 
 def read_selected(text: str, settings: ImportSettings | None = None) -> list[LaboratoryTest]:
@@ -73,17 +85,6 @@ def read_selected(text: str, settings: ImportSettings | None = None) -> list[Lab
     return chosen
 
 
-def _arrays(path: Path) -> dict[str, NDArray]:
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
-        raise DatasetError(
-            f"{path}: cannot be read as .npz ({error}); copy the file anew, or export the test as "
-            "CSV"
-        ) from error
-
-
 def _array_reader(path: Path, arrays: Mapping[str, NDArray]) -> ArrayReader:
     """Which of the .npz formats the names and shapes of the arrays are."""
     names = frozenset(arrays)
@@ -91,7 +92,7 @@ def _array_reader(path: Path, arrays: Mapping[str, NDArray]) -> ArrayReader:
         return grainlearning.read_oedometer
     if names >= masi.NAMED_KEYS or masi.is_nice(arrays):
         return masi.read_paths
-    if names >= SOILMODELS_KEYS and arrays["a0"].ndim == 3 and arrays["a2"].shape[-1:] == (1,):
+    if names >= SOILMODELS_KEYS and arrays["a0"].ndim == 3:
         return soilmodels.read_paths
     raise DatasetError(
         f"{path}: its arrays {', '.join(sorted(names)[:6]) or '(none)'} belong to no format that "
@@ -99,8 +100,13 @@ def _array_reader(path: Path, arrays: Mapping[str, NDArray]) -> ArrayReader:
     )
 
 
-def _text_test(path: Path, settings: ImportSettings) -> LaboratoryTest:
-    table = read_text_table(path)
+def _table_test(path: Path, settings: ImportSettings) -> LaboratoryTest:
+    named = {header.strip().lower() for header in settings.columns.values()}
+
+    def is_known(name: str) -> bool:
+        return known_quantity(name) is not None or name.lower() in named
+
+    table = read_table(path, DatasetError, is_known, EXAMPLE, KINDS_OF_FILES)
     names = tuple(column.name for column in table.columns)
     if names == KARLSRUHE_HEADERS:
         return assemble(_with_void_ratio_as_ratio(table), settings, path.stem, "triaxial-drained")

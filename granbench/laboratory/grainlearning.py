@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granbench.errors import DatasetError
+from granbench.laboratory.array_file import require_few, require_shape
 from granbench.laboratory.assembly import assemble
 from granbench.laboratory.laboratory_test import LaboratoryTest
 from granbench.laboratory.settings import ImportSettings
-from granbench.laboratory.tables import Table
+from granbench.paths.tables import Table
 
 KEYS = frozenset({"data", "keys", "params"})
 TABLE_HEADERS = ("epsilon_axial", "e", "p", "q")
@@ -38,12 +39,19 @@ def read_oedometer(
     Raises
     ------
     DatasetError
-        If a quantity is missing, or see `assemble`.
+        If an array has another shape, a quantity is missing, or see `assemble`.
 
     Notes
     -----
     The strains are logarithmic: the void ratio follows exp(-e_z) to five digits.
     """
+    runs, quantities, _ = require_shape(path, arrays, "data", ("runs", "quantities", "steps"))
+    require_few(path, runs)
+    if arrays["keys"].shape != (quantities,):
+        raise DatasetError(
+            f"{path}: its array 'keys' has the shape {arrays['keys'].shape}, but 'data' has "
+            f"{quantities} quantities; give each its name"
+        )
     keys = [str(key) for key in arrays["keys"]]
     if lost := [name for name in NEEDED if name not in keys]:
         raise DatasetError(f"{path}: has no quantity {lost[0]!r} among its keys; export it as well")
@@ -51,7 +59,8 @@ def read_oedometer(
     tests = []
     for run, series in enumerate(np.asarray(arrays["data"], dtype=float)):
         by_name = dict(zip(keys, series, strict=True))
-        porosity = by_name["n"]
+        # A porosity of 1 or more gives no void ratio, which is refused below with its row.
+        porosity = np.where(by_name["n"] < 1.0, by_name["n"], np.nan)
         table = Table.of_arrays(
             f"{path}, run {run + 1}",
             {

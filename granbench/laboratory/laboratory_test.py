@@ -1,19 +1,24 @@
 """A test of a soil laboratory: principal strain and stress, and what was controlled."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granbench.errors import DatasetError
 from granbench.tensors import deviatoric_stress, mean_stress, volumetric_strain
+from granbench.turning_points import spread_places, spread_rows, turning_rows
 
 FEWEST_POINTS = 5
 
 HELD_LATERAL_STRESS = ("triaxial-drained", "constant-p", "uniaxial")
 """Kinds of test in which the lateral strain answers to a lateral stress."""
 
-KINDS = (*HELD_LATERAL_STRESS, "triaxial-undrained", "oedometer", "strain")
+LATERAL_STRAIN_GIVEN = ("triaxial-undrained", "oedometer", "isotropic")
+"""Kinds of test that say what the lateral strain is: no change of volume, none to the sides, or as
+much as the axial one. In none of them is the effective lateral stress constant."""
+
+KINDS = (*HELD_LATERAL_STRESS, *LATERAL_STRAIN_GIVEN, "strain")
 """What may have been controlled: the names of `granbench.paths.standard_tests` where they have
 one; `uniaxial` is a bar without lateral stress, `strain` is whatever else was measured whole."""
 
@@ -30,6 +35,28 @@ tenths of p, and load cells are read to a few thousandths."""
 
 
 @dataclass(frozen=True)
+class Interpretation:
+    """How a file was understood, in words for the user.
+
+    Parameters
+    ----------
+    kind : where the kind of test comes from
+    drainage : `drained`, `undrained` or what else is known
+    stresses : how the stresses came to be effective, and what was assumed
+    strain_measure : of the file, `engineering` or `logarithmic`
+    not_used : headers of columns from which nothing was taken
+    notes : what else was assumed, one sentence each
+    """
+
+    kind: str
+    drainage: str
+    stresses: str
+    strain_measure: str
+    not_used: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class LaboratoryTest:
     """One test; compression positive, SI units, logarithmic strain.
 
@@ -40,8 +67,10 @@ class LaboratoryTest:
     kind : one of `KINDS`
     strain : (step, 3), principal, cumulative from the state of step 0; 11 is axial, and the
         lateral ones are NaN where they were not measured
-    stress : (step, 3), principal, Pa
+    stress : (step, 3), principal, effective, Pa; in an oedometer test whose lateral stress was
+        not measured, the lateral ones are NaN after step 0, where they are assumed
     void_ratio : (step,), or None where it is not known
+    interpretation : how the file was understood; None where nothing was left open
     """
 
     name: str
@@ -50,6 +79,7 @@ class LaboratoryTest:
     strain: NDArray[np.float64]
     stress: NDArray[np.float64]
     void_ratio: NDArray[np.float64] | None = None
+    interpretation: Interpretation | None = None
 
     def __post_init__(self) -> None:
         """Raise DatasetError where the parts do not fit each other."""
@@ -69,7 +99,7 @@ class LaboratoryTest:
             self.void_ratio is None or self.void_ratio.shape == (steps,)
         ):
             raise DatasetError(
-                f"{self.source}: strain, stress and void ratio have different lengths; mend the "
+                f"{self.source}: strain, stress and void ratio have different lengths; correct the "
                 "program that makes the test"
             )
         if not self.lateral_strain_known and self.kind not in HELD_LATERAL_STRESS:
@@ -78,8 +108,10 @@ class LaboratoryTest:
                 "volumetric strain; name its column with --column volumetric_strain=HEADER or, if "
                 "the lateral stress was held, say so with --kind triaxial-drained"
             )
-        if not (np.isfinite(self.strain[:, 0]).all() and np.isfinite(self.stress).all()):
-            raise DatasetError(f"{self.source}: has stresses or strains that are NaN; mend them")
+        needed = (self.strain[:, 0], self.stress[:, 0], self.stress[0])
+        finite = all(np.isfinite(part).all() for part in needed)
+        if not finite or not (self.lateral_stress_known or self.kind == "oedometer"):
+            raise DatasetError(f"{self.source}: has stresses or strains that are NaN; correct them")
 
     @property
     def steps(self) -> int:
@@ -90,6 +122,16 @@ class LaboratoryTest:
     def lateral_strain_known(self) -> bool:
         """Whether the lateral strain was measured."""
         return bool(np.isfinite(self.strain).all())
+
+    @property
+    def lateral_stress_known(self) -> bool:
+        """Whether the lateral stress was measured."""
+        return bool(np.isfinite(self.stress).all())
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all strains and stresses are known, as a record needs them."""
+        return self.lateral_strain_known and self.lateral_stress_known
 
     @property
     def axial_strain(self) -> NDArray[np.float64]:
@@ -114,6 +156,8 @@ class LaboratoryTest:
     @property
     def is_sheared(self) -> bool:
         """Whether the test bears a deviatoric stress; isotropic compression does not."""
+        if not self.lateral_stress_known:
+            return True
         return bool(self.deviatoric_stress.max() > NO_SHEAR * np.abs(self.mean_stress).max())
 
     @property
@@ -138,35 +182,56 @@ class LaboratoryTest:
         def between(series: NDArray[np.float64]) -> NDArray[np.float64]:
             return np.interp(places, rows, series)
 
-        return LaboratoryTest(
-            self.name,
-            self.source,
-            self.kind,
-            np.stack([between(column) for column in self.strain.T], axis=-1),
-            np.stack([between(column) for column in self.stress.T], axis=-1),
-            None if self.void_ratio is None else between(self.void_ratio),
+        return replace(
+            self,
+            strain=np.stack([between(column) for column in self.strain.T], axis=-1),
+            stress=np.stack([between(column) for column in self.stress.T], axis=-1),
+            void_ratio=None if self.void_ratio is None else between(self.void_ratio),
         )
 
     def thinned(self, count: int) -> "LaboratoryTest":
-        """The test at no more than `count` of its own points, start and end among them.
+        """The test at about `count` of its own points, start and end among them.
 
-        The points lie evenly along the curve of q over axial strain, each divided by its range,
-        so that the steep beginning keeps as many as the long end.
+        Every reversal of a strain, a stress or the void ratio is kept, be they more than `count`:
+        see `granbench.turning_points`. The other points lie evenly along the curve of axial stress
+        over axial strain, each divided by its range, so that the steep beginning keeps as many as
+        the long end.
         """
         if count >= self.steps:
             return self
-        wanted = np.linspace(0.0, 1.0, max(count, FEWEST_POINTS))
-        rows = np.unique(np.rint(np.interp(wanted, self._curve_length(), np.arange(self.steps))))
-        return self.at(rows)
+        return self.at(spread_rows(self._curve_length(), self._reversals(), count))
 
     def resampled(self, count: int) -> "LaboratoryTest":
-        """The test at `count` points that lie evenly along its curve, see `thinned`."""
-        wanted = np.linspace(0.0, 1.0, count)
-        return self.at(np.interp(wanted, self._curve_length(), np.arange(self.steps)))
+        """The test at `count` points along its curve, see `thinned`; more if it reverses more."""
+        return self.at(spread_places(self._curve_length(), self._reversals(), count))
+
+    @property
+    def reversals(self) -> int:
+        """Number of points that every thinning keeps, start and end among them."""
+        return len(self._reversals())
+
+    def _reversals(self) -> NDArray[np.int64]:
+        """Rows at which a measured quantity turns round, (n,), and the first and the last row."""
+        p = self.stress.mean(axis=1)
+        q = self.stress[:, 0] - self.stress[:, 2]
+        stresses = [*self.stress.T, p, q]
+        strains = [*self.strain.T[1:], self.strain.sum(axis=1)]
+        # One scale for all stresses, and one for all strains: what is held constant only has noise.
+        stress = max(float(np.nanmax(part) - np.nanmin(part)) for part in stresses)
+        strain = float(np.ptp(self.axial_strain)) or 1.0
+        answers = [(part, stress) for part in stresses] + [(part, strain) for part in strains]
+        if self.void_ratio is not None:
+            answers.append((self.void_ratio, (1.0 + self.void_ratio[0]) * strain))
+        # A test is driven by its axial strain, or its axial stress: small loops count there.
+        return turning_rows([(self.axial_strain, strain)], answers)
 
     def _curve_length(self) -> NDArray[np.float64]:
         """Length of the curve up to every point over the whole, (step,), growing throughout."""
-        parts = [self.axial_strain, self.stress[:, 0] - self.stress[:, 2]]
+        axial = self.stress[:, 0]
+        parts = [
+            self.axial_strain,
+            axial - self.stress[:, 2] if self.lateral_stress_known else axial,
+        ]
         ranges = [np.ptp(part) or 1.0 for part in parts]
         steps = [np.diff(part) / size for part, size in zip(parts, ranges, strict=True)]
         # The small addition keeps points apart that repeat the one before.
@@ -177,12 +242,20 @@ class LaboratoryTest:
 def apparent_kind(strain: NDArray[np.float64], stress: NDArray[np.float64]) -> str:
     """What was controlled, as far as strain (step, 3) and stress (step, 3) tell."""
     lateral_stress = stress[:, 1:]
+    if not np.isfinite(stress).all():
+        return "oedometer"
     change = np.ptp(lateral_stress, axis=0).max()
     if np.abs(stress).max() > 0.0 and not lateral_stress.any():
         return "uniaxial"
     if change <= CONSTANT_STRESS * np.abs(lateral_stress[0]).max():
         return "triaxial-drained"
-    limit = NO_STRAIN * np.abs(strain[:, 0]).max()
+    axial = np.abs(strain[:, 0]).max()
+    limit = NO_STRAIN * axial
+    sheared = (
+        np.abs(stress[:, :1] - stress[:, 1:]).max() > NO_SHEAR * np.abs(stress.mean(axis=1)).max()
+    )
+    if not sheared and np.abs(strain[:, 1:] - strain[:, :1]).max() <= limit:
+        return "isotropic"
     if np.abs(strain[:, 1:]).max() <= limit:
         return "oedometer"
     if np.abs(strain.sum(axis=1)).max() <= limit:

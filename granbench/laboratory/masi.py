@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granbench.errors import DatasetError
+from granbench.laboratory.array_file import require_few, require_shape
 from granbench.laboratory.assembly import assemble
 from granbench.laboratory.laboratory_test import LaboratoryTest
 from granbench.laboratory.settings import ImportSettings
-from granbench.laboratory.tables import Table
+from granbench.paths.tables import Table
 
 Floats = NDArray[np.float64]
 
@@ -56,7 +57,8 @@ def read_paths(
     Raises
     ------
     DatasetError
-        If the user gave no units, or see `assemble`.
+        If the user gave no units, an array has another shape, a number of steps is impossible,
+        or see `assemble`.
     """
     for group, example in (("strain", "-"), ("stress", "kPa")):
         if group not in settings.units:
@@ -66,18 +68,26 @@ def read_paths(
     if settings.strain_measure == "engineering":
         # What a model of infinitesimal strain made has no finite measure to convert.
         settings = ImportSettings(**(vars(settings) | {"strain_measure": "logarithmic"}))
-    paths = _nice(arrays) if is_nice(arrays) else _named(arrays)
+    paths = _nice(path, arrays) if is_nice(arrays) else _named(path, arrays)
     return [
         _test(path, number, strain, stress, settings)
         for number, (strain, stress) in enumerate(paths, start=1)
     ]
 
 
-def _named(arrays: Mapping[str, NDArray]) -> Iterator[tuple[Floats, Floats]]:
+def _named(path: Path, arrays: Mapping[str, NDArray]) -> Iterator[tuple[Floats, Floats]]:
     """Strain and stress (step, component) of every path, the last state included."""
-    counts = arrays["strain_k"].shape
-    stops = arrays["stop"] if "stop" in arrays else np.full(counts[1], counts[0])
-    for place, stop in enumerate(stops.astype(int)):
+    components = 1 if arrays["strain_k"].shape[-1:] == (1,) else 2
+    shape = require_shape(path, arrays, "strain_k", ("steps", "paths", components))
+    for name in sorted(NAMED_KEYS):
+        require_shape(path, arrays, name, shape)
+    steps, count, _ = shape
+    require_few(path, count)
+    if "stop" in arrays:
+        require_shape(path, arrays, "stop", (count,))
+    stops = arrays["stop"] if "stop" in arrays else np.full(count, steps)
+    for place, number in enumerate(stops):
+        stop = _steps(path, "stop", number, steps)
         parts = []
         for name in ("strain", "stress"):
             before, after = arrays[f"{name}_k"][:stop, place], arrays[f"{name}_k1"][:stop, place]
@@ -85,11 +95,25 @@ def _named(arrays: Mapping[str, NDArray]) -> Iterator[tuple[Floats, Floats]]:
         yield parts[0], parts[1]
 
 
-def _nice(arrays: Mapping[str, NDArray]) -> Iterator[tuple[Floats, Floats]]:
+def _steps(path: Path, name: str, number: float, most: int) -> int:
+    if not (1 <= number <= most and number == int(number)):
+        raise DatasetError(
+            f"{path}: its array {name!r} gives a path {number:g} steps, but there are {most}; give "
+            "a whole number from 1 on"
+        )
+    return int(number)
+
+
+def _nice(path: Path, arrays: Mapping[str, NDArray]) -> Iterator[tuple[Floats, Floats]]:
     """Strain and stress (step, 2) of every path."""
     strain_name, stress_name = NICE_ARRAYS[len(arrays)]
-    steps = int(arrays[f"a{len(arrays) - 1}"])
+    for name in (strain_name, stress_name):
+        require_shape(path, arrays, name, ("steps", 2))
     strain, stress = arrays[strain_name], arrays[stress_name]
+    last = f"a{len(arrays) - 1}"
+    require_shape(path, arrays, last, ())
+    steps = _steps(path, last, float(arrays[last]), len(strain))
+    require_few(path, len(strain) // steps)
     for begin in range(0, len(strain) - steps + 1, steps):
         yield strain[begin : begin + steps], stress[begin : begin + steps]
 

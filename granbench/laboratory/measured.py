@@ -1,21 +1,29 @@
 """Columns of a laboratory file as quantities in SI units, compression positive."""
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granbench.errors import DatasetError
-from granbench.laboratory.quantities import QUANTITIES, known_quantity, listed
+from granbench.laboratory.quantities import (
+    QUANTITIES,
+    WATER,
+    is_bookkeeping,
+    known_quantity,
+    listed,
+    stress_of,
+)
 from granbench.laboratory.settings import ImportSettings
-from granbench.laboratory.tables import Column, Table
-from granbench.laboratory.units import (
+from granbench.paths.tables import Column, Table
+from granbench.plausible import LARGEST_STRAIN, LARGEST_STRESS, VOID_RATIOS
+from granbench.units import (
     is_stress_unit,
     known_units,
     split_strange_unit,
     unit_factor,
 )
-from granbench.plausible import LARGEST_STRAIN, LARGEST_STRESS, VOID_RATIOS
 
 Floats = NDArray[np.float64]
 
@@ -29,15 +37,35 @@ class Measured:
     header : of the column it comes from
     unit : that it was given in
     values : (row,)
+    confirmed : whether the user gave the unit
     """
 
     header: str
     unit: str
     values: Floats
+    confirmed: bool = False
 
 
-def measured_quantities(table: Table, settings: ImportSettings) -> dict[str, Measured]:
-    """The columns that hold a quantity, by its name.
+@dataclass(frozen=True)
+class Columns:
+    """What the columns of a file are.
+
+    Parameters
+    ----------
+    quantities : those that hold a quantity, by its name
+    bookkeeping : headers of columns from which no stress and no strain follows, such as times
+    ignored : headers of columns that the user left out
+    notes : where the user's unit is another than that of the header, one sentence each
+    """
+
+    quantities: dict[str, Measured]
+    bookkeeping: tuple[str, ...] = ()
+    ignored: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def measured_quantities(table: Table, settings: ImportSettings) -> Columns:
+    """What each column of a table holds.
 
     Parameters
     ----------
@@ -47,45 +75,82 @@ def measured_quantities(table: Table, settings: ImportSettings) -> dict[str, Mea
     Raises
     ------
     DatasetError
-        Naming file, column, and row where there is one: a column is missing or given twice, its
-        unit is missing, unknown or of another kind, a cell is no number, or a value is as large
-        as only a wrong unit makes it.
+        Naming file, column, and row where there is one: a column is missing, given twice or
+        unknown, its unit is missing, unknown or of another kind, a cell is no number, or a value
+        is as large as only a wrong unit makes it.
     """
     chosen = {name: _column(table, name, header) for name, header in settings.columns.items()}
     taken = {id(column) for column in chosen.values()}
-    told: dict[str, Column] = {}
+    left_out = {header.strip().lower() for header in settings.ignore}
+    recognised: dict[str, Column] = {}
+    bookkeeping, ignored, unknown = [], [], []
     for column in table.columns:
-        column, found = _recognised(column)
-        if found is None or found in chosen or id(column) in taken:
+        if id(column) in taken or not _holds_anything(column):
             continue
-        if found in told:
-            raise DatasetError(
-                f"{table.source}: columns {told[found].header!r} and {column.header!r} both give "
-                f"the {QUANTITIES[found].title}; remove one, or rename it"
-                + (
-                    f", or choose with --column {found}=HEADER"
-                    if told[found].header != column.header
-                    else ""
-                )
-            )
-        told[found] = column
-    return {name: _in_si(table, column, name, settings) for name, column in (chosen | told).items()}
+        if left_out & {column.header.lower(), column.name.lower()}:
+            ignored.append(column.header)
+            continue
+        column, found = _recognised(column)
+        if found is None:
+            (bookkeeping if is_bookkeeping(column.header) else unknown).append(column.header)
+        elif found in recognised:
+            raise _given_twice(table, recognised[found], column, found)
+        elif found not in chosen:
+            recognised[found] = column
+        else:
+            ignored.append(column.header)
+    if unknown:
+        raise _unknown(table, unknown)
+    columns = chosen | recognised
+    quantities = {name: _in_si(table, column, name, settings) for name, column in columns.items()}
+    notes = [
+        f"column {column.header!r} is read in {quantities[name].unit}, as --unit says, and not in "
+        f"{column.unit}"
+        for name, column in columns.items()
+        if column.unit is not None
+        and unit_factor(column.unit) is not None
+        and unit_factor(column.unit) != unit_factor(quantities[name].unit)
+    ]
+    return Columns(quantities, tuple(bookkeeping), tuple(ignored), tuple(notes))
+
+
+def _holds_anything(column: Column) -> bool:
+    return any(cell is not None and str(cell).strip() for cell in column.cells)
+
+
+def _given_twice(table: Table, one: Column, other: Column, quantity: str) -> DatasetError:
+    choose = f", or choose with --column {quantity}=HEADER"
+    return DatasetError(
+        f"{table.source}: columns {one.header!r} and {other.header!r} both give the "
+        f"{QUANTITIES[quantity].title}; remove one, or rename it"
+        + (choose if one.header != other.header else "")
+    )
+
+
+def _unknown(table: Table, headers: list[str]) -> DatasetError:
+    several = len(headers) > 1
+    options = " ".join(f"--ignore {header!r}" for header in headers)
+    return DatasetError(
+        f"{table.source}: {'columns' if several else 'column'} {listed(headers)} "
+        f"{'are' if several else 'is'} not known; say what {'each' if several else 'it'} holds "
+        f"with --column QUANTITY=HEADER, where QUANTITY is one of {', '.join(QUANTITIES)}, or "
+        f"leave {'them' if several else 'it'} out with {options}"
+    )
 
 
 def _recognised(column: Column) -> tuple[Column, str | None]:
     """A column and the quantity that its header names, if any; its unit may be a strange one."""
+    if column.unit is not None:
+        # What stands behind the unit counts as well, as in ``sigma1 [kPa] (total)``.
+        whole = re.sub(rf"[\[(]\s*{re.escape(column.unit)}\s*[\])]", " ", column.header, count=1)
+        if found := known_quantity(whole):
+            return column, found
     if (found := known_quantity(column.name)) or column.unit is not None:
         return column, found
     name, unit = split_strange_unit(column.header) or (column.name, None)
     if found := known_quantity(name):
         return Column(column.header, name, unit, column.cells), found
     return column, None
-
-
-def _bare(header: str) -> str:
-    """A header in lower case without the brackets at its end."""
-    name, _ = split_strange_unit(header) or (header, "")
-    return name.lower()
 
 
 def _column(table: Table, quantity: str, header: str) -> Column:
@@ -110,10 +175,12 @@ def _column(table: Table, quantity: str, header: str) -> Column:
 
 def _in_si(table: Table, column: Column, quantity: str, settings: ImportSettings) -> Measured:
     about = QUANTITIES[quantity]
-    unit = settings.unit_of(quantity) or column.unit or ("-" if quantity == "void_ratio" else None)
+    given = settings.unit_of(quantity)
+    unitless = quantity in ("void_ratio", "stress_ratio")
+    unit = given or column.unit or ("-" if unitless else None)
     what = f"{table.source}: column {column.header!r} ({about.title})"
     example = "kPa" if about.is_stress else "%"
-    option = f"--unit {quantity}={example}"
+    option = f"--unit {stress_of(quantity)}={example}"
     if unit is None:
         raise DatasetError(
             f"{what} has no unit; write it into the header, as in '{column.name} [{example}]', or "
@@ -130,14 +197,27 @@ def _in_si(table: Table, column: Column, quantity: str, settings: ImportSettings
         kind = "stress" if about.is_stress else "ratio"
         raise DatasetError(
             f"{what} is in {unit!r}, which is no unit of a {kind}: use "
-            f"{known_units(about.is_stress)}; mend the header, or say what it is in with {option}"
+            f"{known_units(about.is_stress)}; correct the header, or say what it is in with "
+            f"{option}"
         )
     values = factor * table.numbers(column)
-    if settings.tension_positive and quantity != "void_ratio":
-        values = values if quantity.startswith("deviatoric") else -values
-    measured = Measured(column.header, unit, values)
+    if settings.tension_positive and not unitless:
+        values = _compression_positive(quantity, values)
+    measured = Measured(column.header, unit, values, given is not None)
     _check_size(table, measured, quantity)
     return measured
+
+
+def _compression_positive(quantity: str, values: Floats) -> Floats:
+    """Values of a file that counts tension positive, in the other sense.
+
+    Deviatoric invariants have no such sign. Pressures of the water are mostly positive even there.
+    """
+    if quantity.startswith("deviatoric"):
+        return values
+    if quantity in WATER or quantity == "cell_pressure":
+        return values if values.sum() >= 0.0 else -values
+    return -values
 
 
 def _likely_unit(number: float) -> str:
@@ -151,12 +231,13 @@ def _check_size(table: Table, measured: Measured, quantity: str) -> None:
     row, largest = int(sizes.argmax()), float(sizes.max())
     where = f"{table.source}, {table.places[row]}: column {measured.header!r}"
     shown = f"{largest / (unit_factor(measured.unit) or 1.0):g} {measured.unit}"
+    name = stress_of(quantity)
     if QUANTITIES[quantity].is_stress:
         if largest > LARGEST_STRESS:
             raise DatasetError(
                 f"{where} holds {shown}, which is suspicious: no laboratory reaches "
-                f"{LARGEST_STRESS / 1e9:g} GPa; mend the cell, or give the unit with --unit "
-                f"{quantity}={_likely_unit(largest / (unit_factor(measured.unit) or 1.0))}"
+                f"{LARGEST_STRESS / 1e9:g} GPa; correct the cell, or give the unit with --unit "
+                f"{name}={_likely_unit(largest / (unit_factor(measured.unit) or 1.0))}"
             )
     elif quantity == "void_ratio":
         low, high = VOID_RATIOS
@@ -166,15 +247,15 @@ def _check_size(table: Table, measured: Measured, quantity: str) -> None:
             likely = "%" if measured.values[row] > high else "-"
             raise DatasetError(
                 f"{table.source}, {table.places[row]}: column {measured.header!r} gives a void "
-                f"ratio of {measured.values[row]:g}, which is suspicious; mend the cell"
+                f"ratio of {measured.values[row]:g}, which is suspicious; correct the cell"
                 + (
                     f", or give the unit with --unit void_ratio={likely}"
                     if likely != measured.unit
                     else ""
                 )
             )
-    elif largest >= LARGEST_STRAIN:
+    elif quantity != "stress_ratio" and largest >= LARGEST_STRAIN:
         raise DatasetError(
-            f"{where} holds {shown}, a strain of {100.0 * largest:g} %, which is suspicious; mend "
-            f"the cell or, if the column is in %, say so with --unit {quantity}=%"
+            f"{where} holds {shown}, a strain of {100.0 * largest:g} %, which is suspicious; "
+            f"correct the cell or, if the column is in %, say so with --unit {name}=%"
         )

@@ -1,6 +1,13 @@
-"""The quantities that a laboratory file may hold, and the headers by which they are known."""
+"""The quantities that a laboratory file may hold, and the headers by which they are known.
+
+A stress may be effective or total. `axial_stress`, `intermediate_stress`, `radial_stress` and
+`mean_stress` are those of which the header says neither; `effective_axial_stress`,
+`total_axial_stress` and so on are those of which it does. The deviatoric stress is the same in
+both.
+"""
 
 import re
+import unicodedata
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -25,61 +32,241 @@ def _quantity(title: str, headers: str, *, is_stress: bool = False) -> Quantity:
     return Quantity(title, is_stress, frozenset(headers.split()))
 
 
+_STRESSES: Mapping[str, Quantity] = {
+    "axial_stress": _quantity(
+        "axial stress",
+        "axialstress sigma1 sig1 s1 sigma11 sig11 sigmaa siga sigax sigmaax sigmaaxial s11 sa "
+        "majorprincipalstress majorstress axialspannung axialespannung vertikalspannung "
+        "verticalstress sigmav sigv sigmaz sigz sigmazz vertspannung sigmavertical "
+        "contrainteaxiale contrainteverticale contrainteprincipalemajeure esfuerzoaxial "
+        "esfuerzovertical tensionaxial tensionvertical sforzoassiale",
+        is_stress=True,
+    ),
+    "intermediate_stress": _quantity(
+        "intermediate principal stress",
+        "intermediatestress intermediateprincipalstress sigma2 sig2 s2 sigma22 sig22 s22",
+        is_stress=True,
+    ),
+    "radial_stress": _quantity(
+        "lateral stress",
+        "radialstress lateralstress horizontalstress minorprincipalstress minorstress sigma3 sig3 "
+        "s3 sigma33 sig33 s33 sr sigmar sigr sigrad sigmarad sigmaradial sigmah sigh "
+        "radialspannung "
+        "radialespannung horizontalspannung seitenspannung seitendruck contrainteradiale "
+        "contraintelaterale contraintehorizontale contrainteprincipalemineure esfuerzoradial "
+        "esfuerzolateral tensionradial",
+        is_stress=True,
+    ),
+    "mean_stress": _quantity(
+        "mean stress",
+        "meanstress p pmean meanprincipalstress meannormalstress mittlerespannung "
+        "mittlerenormalspannung mittelspannung contraintemoyenne pressionmoyenne esfuerzomedio "
+        "tensionmedia sigmam sigm octahedralnormalstress octahedralstress",
+        is_stress=True,
+    ),
+}
+
+EFFECTIVE = (
+    "effective effektive effektiver effektives effektiven effektiv wirksame wirksamer wirksamen "
+    "wirksam efectiva efectivo efficace effettiva effettivo eff"
+)
+TOTAL = "total totale totaler totalen totales totaux tot"
+STATES: Mapping[str, str] = {
+    **dict.fromkeys(EFFECTIVE.split(), "effective"),
+    **dict.fromkeys(TOTAL.split(), "total"),
+}
+"""`effective` or `total`, by the words for them."""
+
+WATER = ("pore_pressure", "excess_pore_pressure", "back_pressure")
+"""Pressures of the pore water."""
+
 QUANTITIES: Mapping[str, Quantity] = {
     "axial_strain": _quantity(
         "axial strain",
-        "axialstrain eps1 epsilon1 e1 eps11 epsa epsilona epsax epsaxial epsilonaxial epax ea",
+        "axialstrain eps1 epsilon1 e1 eps11 epsa epsilona epsax epsaxial epsilonaxial epax ea "
+        "verticalstrain epsz epszz epsilonz epsilonzz epsvert axialdehnung axialedehnung "
+        "axialstauchung axialestauchung stauchung vertikaldehnung vertikalstauchung "
+        "deformationaxiale deformationverticale deformacionaxial deformacionvertical "
+        "deformazioneassiale",
     ),
     "intermediate_strain": _quantity(
         "intermediate principal strain", "intermediatestrain eps2 epsilon2 eps22"
     ),
     "radial_strain": _quantity(
         "lateral strain",
-        "radialstrain lateralstrain eps3 epsilon3 eps33 epsr epsilonr epsrad epsradial er",
+        "radialstrain lateralstrain eps3 epsilon3 e3 eps33 epsr epsilonr epsrad epsradial er "
+        "radialdehnung radialedehnung deformationradiale deformationlaterale deformacionradial",
     ),
     "volumetric_strain": _quantity(
-        "volumetric strain", "volumetricstrain volumestrain epsv epsilonv epv epsvol ev"
+        "volumetric strain",
+        "volumetricstrain volumestrain volstrain volumestrainchange epsv epsilonv epv epsvol "
+        "epsilonvol ev volumendehnung volumetrischedehnung volumenstauchung deformationvolumique "
+        "deformationvolumetrique deformacionvolumetrica variationdevolume",
     ),
     "deviatoric_strain": _quantity(
-        "deviatoric strain", "deviatoricstrain epsq epsilonq epsdev epss eq"
+        "deviatoric strain",
+        "deviatoricstrain deviatorstrain shearstraininvariant epsq epsilonq epsdev epss eq "
+        "deviatorischedehnung deformationdeviatorique",
     ),
-    "axial_stress": _quantity(
-        "axial stress",
-        "axialstress sigma1 sig1 s1 sigma11 sig11 sigmaa siga sigax sigmaaxial",
-        is_stress=True,
-    ),
-    "intermediate_stress": _quantity(
-        "intermediate principal stress",
-        "intermediatestress sigma2 sig2 s2 sigma22 sig22",
-        is_stress=True,
-    ),
-    "radial_stress": _quantity(
-        "lateral stress",
-        "radialstress lateralstress cellpressure sigma3 sig3 s3 sigma33 sig33 sigmar sigr sigrad",
-        is_stress=True,
-    ),
+    **_STRESSES,
+    **{
+        f"{state}_{name}": Quantity(f"{state} {about.title}", True, frozenset())
+        for state in ("effective", "total")
+        for name, about in _STRESSES.items()
+    },
     "deviatoric_stress": _quantity(
-        "deviatoric stress", "deviatoricstress deviatorstress q", is_stress=True
+        "deviatoric stress",
+        "deviatoricstress deviatorstress deviatoric deviator q stressdifference "
+        "principalstressdifference sigma1sigma3 sig1sig3 s1s3 sigmaasigmar sigmad sigd "
+        "deviatorspannung deviatorischespannung spannungsdifferenz hauptspannungsdifferenz "
+        "deviateur deviateurdescontraintes contraintedeviatorique contraintedeviatoire "
+        "esfuerzodesviador esfuerzodesviatorico desviador tensiondesviadora deviatore",
+        is_stress=True,
     ),
-    "mean_stress": _quantity("mean stress", "meanstress meaneffectivestress p", is_stress=True),
-    "void_ratio": _quantity("void ratio", "voidratio e"),
+    "cell_pressure": _quantity(
+        "cell pressure",
+        "cellpressure cell cellpress sigmacell sigcell confiningpressure confiningstress "
+        "confinement chamberpressure chamber zelldruck zellendruck kammerdruck manteldruck "
+        "pressioncellulaire pressiondecellule pressiondeconfinement confinementpressure "
+        "presiondecelda presiondecamara presiondeconfinamiento presionconfinante "
+        "pressionedicella",
+        is_stress=True,
+    ),
+    "pore_pressure": _quantity(
+        "pore pressure",
+        "porepressure porewaterpressure pwp porewater poropressure u uw waterpressure basepwp "
+        "pwpbase basepressure basepore baseporepressure baseporewaterpressure midplanepwp "
+        "midheightporepressure porepressurebase porepressureu porewaterpressureu "
+        "porenwasserdruck porendruck pressioninterstitielle "
+        "pressiondeau pressiondepore presiondeporos presiondelporo presionintersticial "
+        "pressioneneutra pressioneinterstiziale",
+        is_stress=True,
+    ),
+    "excess_pore_pressure": _quantity(
+        "excess pore pressure",
+        "excessporepressure excessporewaterpressure excesspwp epwp epp deltau deltapwp deltauw "
+        "dpwp du duw ue uex uexcess excessu porepressurechange changeinporepressure "
+        "changeofporepressure porewaterpressurechange changeinporewaterpressure changeinpwp "
+        "pwpchange deltaporepressure deltaporewaterpressure porepressureincrement "
+        "excessporepressuredeltau excessporewaterpressuredeltau porenwasseruberdruck "
+        "porenwasserueberdruck porenuberdruck porenueberdruck surpressioninterstitielle "
+        "surpressiondeau excesodepresiondeporos",
+        is_stress=True,
+    ),
+    "back_pressure": _quantity(
+        "back pressure",
+        "backpressure backpress bp backp backwaterpressure sattigungsdruck saettigungsdruck "
+        "ruckdruck rueckdruck contrepression contrapresion presiondecola contropressione",
+        is_stress=True,
+    ),
+    "stress_ratio": _quantity("stress ratio q/p", "stressratio eta qoverp"),
+    "void_ratio": _quantity(
+        "void ratio",
+        "voidratio e porenzahl indicedesvides indicedevides relaciondevacios indicedeporos",
+    ),
 }
 
+_BOOKKEEPING = (
+    # Words that are added to by a number or a unit are listed without them.
+    "time dateovertime dateandtime elapsedtime testtime totaltime timeelapsed t datetime date "
+    "timestamp clock hour hours "
+    "minute minutes second seconds sec zeit uhrzeit datum dauer temps heure tiempo fecha hora "
+    "squareroottime roottime sqrttime logtime roottimemin "
+    "step steps stepno stepnumber stepid stage stages stageno stagenumber stagename phase phaseno "
+    "cycle cycles cycleno cyclenumber n zyklus zyklen schritt stufe stufennr laststufe "
+    "etape increment inc frame loadstep loadstepno "
+    "no nr nbr number index id row line point points pointno reading readingno readings record "
+    "recordno sample samplenumber scan scanno dataset datapoint messung messpunkt punkt zeile "
+    "test testno testid testname specimen specimenid specimenno file filename operator project "
+    "borehole remark remarks comment comments note notes bemerkung kommentar remarque "
+    "temperature temp temperatur humidity roomtemperature battery"
+)
+BOOKKEEPING = frozenset(_BOOKKEEPING.split())
+"""Headers, as `plain_header` gives them, of columns that no stress and no strain follows from."""
+
 _DEFINITION = re.compile(r"=.*$")
+_PRIMES = re.compile("['\u2019\u2032\u00b4`\u2018\u201b]")
+_BRACKETS = re.compile(r"[(\[{][^)\]}]*[)\]}]")
+_LETTERS = {
+    "σ": "sigma", "ς": "sigma", "ε": "eps", "δ": "delta", "∆": "delta", "η": "eta", "γ": "gamma",
+    "τ": "tau", "φ": "phi", "ν": "nu", "/": "over", "ß": "ss", "√": "sqrt",
+}  # fmt: skip
 
 
 def plain_header(name: str) -> str:
-    """A header's name as `Quantity.headers` has it: ``sigrad'`` and ``Sig_rad`` are `sigrad`."""
-    return re.sub(r"[^a-z0-9]", "", _DEFINITION.sub("", name.lower()))
+    """A header's name as `Quantity.headers` has it: ``sigrad'`` and ``Sig_rad`` are `sigrad`.
+
+    Greek letters are spelt out, accents and everything but letters and digits are left out.
+    """
+    text = unicodedata.normalize("NFKD", _DEFINITION.sub("", name)).lower()
+    return re.sub(r"[^a-z0-9]", "", "".join(_LETTERS.get(letter, letter) for letter in text))
 
 
 def known_quantity(name: str) -> str | None:
-    """The quantity that a header without its unit names, or None."""
-    plain = plain_header(name)
-    for quantity, about in QUANTITIES.items():
-        if plain in about.headers:
-            return quantity
+    """The quantity that a header without its unit names, or None.
+
+    Of a stress that the header calls effective (by a word or a prime) or total, it is the quantity
+    with that word in front. A header may name the same twice, as in ``Axial strain, eps1``.
+    """
+    if found := _named(name):
+        return found
+    whole = _DEFINITION.sub("", name)
+    first, _, last = whole.strip().rpartition(" ")
+    for parts in (re.split(r"[,;:()\[\]]", whole), (first, last)):
+        named = [_named(part) for part in parts if plain_header(part)]
+        if len(named) < 2 or None in named:
+            continue
+        quantities = {quantity for quantity in named if quantity is not None}
+        # Where one part says that the stress is effective, the other need not.
+        stated = {q for q in quantities if q != stress_of(q)} or quantities
+        if len(stated) == 1 and len({stress_of(q) for q in quantities}) == 1:
+            return stated.pop()
     return None
+
+
+def _named(name: str) -> str | None:
+    """The quantity of a header, or of a part of one, that names it once."""
+    plain = plain_header(name)
+    primed = bool(_PRIMES.search(_DEFINITION.sub("", name)))
+    if found := _by_header(plain):
+        return _with_state(found, "effective" if primed else None)
+    # Longest first: `eff` is a part of `effective`.
+    for word in sorted(STATES, key=len, reverse=True):
+        if word not in plain:
+            continue
+        if found := _by_header(plain.replace(word, "", 1)):
+            return _with_state(found, STATES[word], primed=primed)
+    return None
+
+
+def _by_header(plain: str) -> str | None:
+    return next((name for name, about in QUANTITIES.items() if plain in about.headers), None)
+
+
+def _with_state(quantity: str, state: str | None, *, primed: bool = False) -> str | None:
+    """The quantity that is effective or total as the header says; None where that is nonsense."""
+    if state is None or quantity == "deviatoric_stress":
+        return quantity
+    if state == "total" and primed:
+        return None
+    if quantity == "cell_pressure":
+        return "effective_radial_stress" if state == "effective" else quantity
+    if quantity in _STRESSES:
+        return f"{state}_{quantity}"
+    # `Total pore pressure` is the absolute one; a prime on a strain means nothing.
+    if (quantity == "pore_pressure" and state == "total") or not QUANTITIES[quantity].is_stress:
+        return quantity
+    return None
+
+
+def is_bookkeeping(name: str) -> bool:
+    """Whether a header is one of `BOOKKEEPING`, numbered or not, brackets left aside."""
+    return plain_header(_BRACKETS.sub("", name)).rstrip("0123456789") in BOOKKEEPING
+
+
+def stress_of(quantity: str) -> str:
+    """The name of a stress without `effective` or `total`."""
+    return quantity.removeprefix("effective_").removeprefix("total_")
 
 
 def listed(names: Iterable[str]) -> str:

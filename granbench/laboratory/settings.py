@@ -5,11 +5,15 @@ from dataclasses import dataclass, field
 
 from granbench.errors import ConfigurationError
 from granbench.laboratory.laboratory_test import KINDS
-from granbench.laboratory.quantities import QUANTITIES
-from granbench.laboratory.units import is_stress_unit, known_units, unit_factor
+from granbench.laboratory.quantities import QUANTITIES, stress_of
 from granbench.plausible import LARGEST_STRESS, VOID_RATIOS
+from granbench.units import is_stress_unit, known_units, unit_factor
 
 STRAIN_MEASURES = ("engineering", "logarithmic")
+STRESSES = ("effective", "total")
+
+EARTH_PRESSURE_COEFFICIENT = 0.5
+"""K0 of a first loading: 1 - sin(30 degrees)."""
 
 
 @dataclass(frozen=True)
@@ -20,13 +24,19 @@ class ImportSettings:
     ----------
     columns : header of the column that holds a quantity, by the quantity's name
     units : unit of a quantity by its name, or of all that are a `stress` or a `strain`
-    kind : what was controlled, a name in `granbench.laboratory.laboratory_test.KINDS`; told
+    ignore : headers of columns that are left out
+    kind : what was controlled, a name in `granbench.laboratory.laboratory_test.KINDS`; recognised
         from the numbers by default
+    stresses : `effective` or `total`, of the columns whose header says neither
     monotonic : whether the axial strain must not fall
     tension_positive : whether the file counts tension positive
     strain_measure : of the file; laboratories divide by the first height, which is `engineering`
     initial_void_ratio : e0 where the file has no void ratio
-    lateral_stress : constant lateral stress, Pa, where the file has none
+    lateral_stress : constant effective lateral stress, Pa, where the file has none
+    cell_pressure : constant total lateral stress, Pa, where the file has none
+    back_pressure : pore pressure at the start, Pa, where the file does not give it
+    k0 : lateral over axial effective stress at the start of an oedometer test whose lateral
+        stress was not measured
 
     Raises
     ------
@@ -36,12 +46,17 @@ class ImportSettings:
 
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    ignore: tuple[str, ...] = ()
     kind: str | None = None
+    stresses: str | None = None
     monotonic: bool = False
     tension_positive: bool = False
     strain_measure: str = "engineering"
     initial_void_ratio: float | None = None
     lateral_stress: float | None = None
+    cell_pressure: float | None = None
+    back_pressure: float | None = None
+    k0: float = EARTH_PRESSURE_COEFFICIENT
 
     def __post_init__(self) -> None:
         """Raise ConfigurationError for what no file can be read with."""
@@ -63,32 +78,69 @@ class ImportSettings:
                     f"--unit {name}={unit}: {unit!r} is no unit of {name}; use one of "
                     f"{known_units(stress)}"
                 )
+        self._check_choices()
+        self._check_numbers()
+
+    def _check_choices(self) -> None:
         if self.kind is not None and self.kind not in KINDS:
             raise ConfigurationError(
                 f"--kind {self.kind}: the kind of test {self.kind!r} is unknown; use "
                 f"{', '.join(KINDS)}"
+            )
+        if self.stresses is not None and self.stresses not in STRESSES:
+            raise ConfigurationError(
+                f"--stresses {self.stresses}: stresses are {' or '.join(STRESSES)}; use one of them"
             )
         if self.strain_measure not in STRAIN_MEASURES:
             raise ConfigurationError(
                 f"--strain-measure {self.strain_measure}: the strain measure "
                 f"{self.strain_measure!r} is unknown; use {' or '.join(STRAIN_MEASURES)}"
             )
+
+    def _check_numbers(self) -> None:
         least, greatest = VOID_RATIOS
-        e0, lateral = self.initial_void_ratio, self.lateral_stress
+        e0 = self.initial_void_ratio
         if e0 is not None and not least <= e0 <= greatest:
             raise ConfigurationError(
                 f"--e0 {e0:g} is no void ratio of a soil; give the volume of the voids over that "
                 f"of the grains, from {least:g} to {greatest:g} (0.8, not 80 %)"
             )
-        if lateral is not None and not 0.0 < lateral <= LARGEST_STRESS:
+        for option, pressure in (
+            ("--lateral-stress", self.lateral_stress),
+            ("--cell-pressure", self.cell_pressure),
+        ):
+            if pressure is not None and not 0.0 < pressure <= LARGEST_STRESS:
+                raise ConfigurationError(
+                    f"{option} {pressure:g} is no pressure in a cell; give it in Pa, compression "
+                    "positive (1e5 is 100 kPa)"
+                )
+        back = self.back_pressure
+        if back is not None and not 0.0 <= back <= LARGEST_STRESS:
             raise ConfigurationError(
-                f"--lateral-stress {lateral:g} is no cell pressure; give it in Pa, compression "
-                "positive (1e5 is 100 kPa)"
+                f"--back-pressure {back:g} is no back pressure; give it in Pa, 0 or more (1e5 is "
+                "100 kPa)"
+            )
+        for option, pressure in (
+            ("--lateral-stress", self.lateral_stress),
+            ("--cell-pressure", self.cell_pressure),
+            ("--back-pressure", back),
+        ):
+            if pressure is not None and 0.0 < pressure < 2e3:
+                raise ConfigurationError(
+                    f"{option} {pressure:g} is below 2 kPa, which is suspicious; give it in Pa "
+                    f"({1e3 * pressure:g} if it is in kPa)"
+                )
+        if not 0.0 < self.k0 <= 3.0:
+            raise ConfigurationError(
+                f"--k0 {self.k0:g} is no ratio of the lateral to the axial stress; give a number "
+                "such as 0.5, at most 3"
             )
 
     def unit_of(self, quantity: str) -> str | None:
         """Unit that the user gives a quantity, or None."""
         group = "stress" if QUANTITIES[quantity].is_stress else "strain"
-        if quantity in self.units:
-            return self.units[quantity]
-        return None if quantity == "void_ratio" else self.units.get(group)
+        for name in (quantity, stress_of(quantity)):
+            if name in self.units:
+                return self.units[name]
+        unitless = quantity in ("void_ratio", "stress_ratio")
+        return None if unitless else self.units.get(group)

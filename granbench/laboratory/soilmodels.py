@@ -12,41 +12,53 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granbench.errors import DatasetError
+from granbench.laboratory.array_file import require_few, require_shape
 from granbench.laboratory.assembly import assemble
 from granbench.laboratory.laboratory_test import LaboratoryTest
 from granbench.laboratory.settings import ImportSettings
-from granbench.laboratory.tables import Column, Table
-from granbench.laboratory.units import split_header
-from granbench.laboratory.workbook import Cell, read_workbook
+from granbench.paths.sheet_cells import Rows
+from granbench.paths.tables import Column, Table
 from granbench.plausible import VOID_RATIOS
+from granbench.units import split_header
 
 KIND = "triaxial-drained"
 SHEETS = "CID"
+OEDOMETER_SHEETS = "OED"
 PASCALS_PER_KILOPASCAL = 1e3
 GRAIN_DENSITY = 2650.0
 """kg/m3: the protocol of the Dobrany sand gives a specific gravity of 2.65."""
 
 
-def read_protocol(path: Path, settings: ImportSettings) -> list[LaboratoryTest]:
+def is_protocol(sheets: Mapping[str, Rows]) -> bool:
+    """Whether a workbook is a protocol, by the names of its sheets."""
+    return any(name.startswith((SHEETS, OEDOMETER_SHEETS)) for name in sheets)
+
+
+def read_protocol(
+    path: Path, sheets: Mapping[str, Rows], settings: ImportSettings
+) -> list[LaboratoryTest]:
     """The drained triaxial tests of a protocol.
+
+    Parameters
+    ----------
+    path : of the file
+    sheets : of the workbook, see `granbench.paths.workbook.read_sheets`
 
     Raises
     ------
     DatasetError
-        If the file is damaged, has no sheet of such a test, or see `assemble`.
+        If there is no sheet of such a test, or see `assemble`.
     """
-    sheets = {name: rows for name, rows in read_workbook(path).items() if name.startswith(SHEETS)}
-    if not sheets:
+    tests = {name: rows for name, rows in sheets.items() if name.startswith(SHEETS)}
+    if not tests:
         raise DatasetError(
             f"{path}: has no sheet whose name begins with {SHEETS}; export the sheet of your test "
             "as CSV"
         )
-    return [_sheet_test(path, name, rows, settings) for name, rows in sheets.items()]
+    return [_sheet_test(path, name, rows, settings) for name, rows in tests.items()]
 
 
-def _sheet_test(
-    path: Path, name: str, rows: Mapping[int, list[Cell]], settings: ImportSettings
-) -> LaboratoryTest:
+def _sheet_test(path: Path, name: str, rows: Rows, settings: ImportSettings) -> LaboratoryTest:
     source = f"{path}, sheet {name}"
     headers = [str(header or "") for header in rows.get(2, [])]
     numbers = {n: cells for n, cells in rows.items() if n > 2 and any(c is not None for c in cells)}
@@ -68,8 +80,8 @@ def _with_void_ratio(
     least, greatest = VOID_RATIOS
     if not least <= value <= greatest:
         raise DatasetError(
-            f"{source}: gives an initial void ratio of {value:g} ({place}); mend it, or give "
-            "another with --e0"
+            f"{source}: gives an initial void ratio of {value:g} ({place}); correct it, or "
+            "give another with --e0"
         )
     return ImportSettings(**(vars(settings) | {"initial_void_ratio": value}))
 
@@ -88,7 +100,7 @@ def read_paths(
     Raises
     ------
     DatasetError
-        See `assemble`.
+        If an array has another shape, a density is impossible, or see `assemble`.
 
     Notes
     -----
@@ -102,8 +114,12 @@ def read_paths(
     The smoothed paths begin outside of the test, at negative strains and q: rows before the first
     with positive q and strain are left out.
     """
+    steps, paths, _ = require_shape(path, arrays, "a0", ("steps", "paths", 2))
+    require_shape(path, arrays, "a1", (steps, paths, 2))
+    require_shape(path, arrays, "a2", (steps, paths, 1))
+    require_few(path, paths)
     tests = []
-    for place in range(arrays["a0"].shape[1]):
+    for place in range(paths):
         dilation, shear = np.asarray(arrays["a0"][:, place], dtype=float).T
         trace, q = PASCALS_PER_KILOPASCAL * np.asarray(arrays["a1"][:, place], dtype=float).T
         start = int(np.argmax((q > 0.0) & np.logical_not(np.isnan(q))))
@@ -125,6 +141,11 @@ def read_paths(
         density = float(arrays["a2"][start, place, 0])
         chosen = settings
         if settings.initial_void_ratio is None:
+            if not density > 0.0:
+                raise DatasetError(
+                    f"{table.source}: array 'a2' gives a density of {density:g} kg/m3; correct it, "
+                    "or give the void ratio with --e0"
+                )
             void_ratio = GRAIN_DENSITY / density - 1.0
             chosen = _with_void_ratio(settings, void_ratio, table.source, "from array a2")
         tests.append(assemble(table, chosen, f"{path.stem}-{place + 1}", KIND))

@@ -1,6 +1,5 @@
 """The ground truth of a dataset: the model that made it, rebuilt from the dataset's attributes."""
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,7 +8,7 @@ import xarray as xr
 from granbench.errors import DatasetError, ModelError
 from granbench.models.catalogue import find_model
 from granbench.models.classical import ClassicalCell
-from granbench.models.parameter_file import ParameterFile
+from granbench.models.parameter_file import parse_parameters
 from granbench.predictions import GROUND_TRUTH
 from granbench.tensors import component_order
 
@@ -31,9 +30,9 @@ def ground_truth_cell(records: xr.Dataset) -> ClassicalCell | None:
     if text is None:
         return None
     try:
-        stated = ParameterFile(**json.loads(text))
+        stated = parse_parameters(str(text), f"attribute {GROUND_TRUTH!r}")
         return stated.cell(component_order(tuple(map(str, records["component"].values))))
-    except (ValueError, TypeError, ModelError) as error:
+    except ModelError as error:
         raise DatasetError(
             f"{records.attrs.get('dataset', 'the dataset')}: its attribute {GROUND_TRUTH!r} "
             f"describes no model of this version ({error}); fetch or generate the dataset again"

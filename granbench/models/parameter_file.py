@@ -1,4 +1,4 @@
-"""Parameters of a classical model in a JSON file that a person can read, write and mend.
+"""Parameters of a classical model in a JSON file that a person can read, write and correct.
 
     {
       "model": "j2",
@@ -12,12 +12,13 @@ values come from.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from granbench.errors import ModelError
+from granbench.json_reading import parse_json, read_json
 from granbench.models.catalogue import find_model
 from granbench.models.classical import ClassicalCell
 from granbench.whole_file import whole_file
@@ -115,20 +116,28 @@ def read_parameters(path: Path) -> ParameterFile:
     ModelError
         Naming the file and what is wrong with it.
     """
-    try:
-        content = json.loads(path.read_text(), object_pairs_hook=_distinct)
-    except FileNotFoundError as error:
-        raise ModelError(f"{path}: there is no such parameter file; check the name") from error
-    except json.JSONDecodeError as error:
-        raise ModelError(
-            f"{path}: is no JSON (line {error.lineno}, column {error.colno}: {error.msg}); mend it "
-            "or write it anew with `granbench fit`"
-        ) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(f"{path}: cannot be read ({error}); give a parameter file") from error
-    except ModelError as error:
-        raise ModelError(f"{path}: {error}") from error
-    _check(content, path)
+    content = read_json(path, ModelError, remedy="correct it or write it with `granbench fit`")
+    return _described(content, str(path))
+
+
+def parse_parameters(text: str, source: str) -> ParameterFile:
+    """What a text of the form of a parameter file says; see `read_parameters`.
+
+    Parameters
+    ----------
+    text : the JSON document
+    source : what it is, as errors name it
+
+    Raises
+    ------
+    ModelError
+        Naming the source and what is wrong with it.
+    """
+    return _described(parse_json(text, source, ModelError, remedy="correct it"), source)
+
+
+def _described(content: Any, source: str) -> ParameterFile:
+    _check(content, source)
     parameters = {name: float(value) for name, value in content["parameters"].items()}
     return ParameterFile(**{**content, "parameters": parameters})
 
@@ -153,41 +162,31 @@ def cell_from_file(path: Path, order: str = "plane") -> ClassicalCell:
         raise ModelError(f"{path}: {error}") from error
 
 
-def _distinct(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
-    """An object of JSON, in which no key may stand twice."""
-    found: dict[str, Any] = {}
-    for key, value in pairs:
-        if key in found:
-            raise ModelError(f"{key!r} is given twice; keep one of the two")
-        found[key] = value
-    return found
-
-
-def _check(content: Any, path: Path) -> None:
+def _check(content: Any, source: str) -> None:
     """Refuse what is not of the form that the module describes."""
     if not isinstance(content, dict) or any(key not in content for key in REQUIRED):
         raise ModelError(
-            f'{path}: is no parameter file; it needs {{"model": NAME, "parameters": {{...}}}}'
+            f'{source}: is not a parameter file; it needs {{"model": NAME, "parameters": {{...}}}}'
         )
     if unknown := [key for key in content if key not in KEYS]:
         raise ModelError(
-            f"{path}: {unknown[0]!r} means nothing in a parameter file, which holds "
+            f"{source}: {unknown[0]!r} means nothing in a parameter file, which holds "
             f'{", ".join(KEYS)}; put it into "about" or leave it out'
         )
     for key in ("model", "parameter_set"):
         if not isinstance(content.get(key, ""), str):
-            raise ModelError(f"{path}: {key!r} must be a name in quotes")
+            raise ModelError(f"{source}: {key!r} must be a name in quotes")
     for key in ("parameters", "units", "about"):
         if not isinstance(content.get(key, {}), dict):
-            raise ModelError(f"{path}: {key!r} must be an object, {{...}}")
+            raise ModelError(f"{source}: {key!r} must be an object, {{...}}")
     for name, value in content["parameters"].items():
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ModelError(
-                f"{path}: parameter {name!r} is {json.dumps(value)}; give a number in SI units, "
+                f"{source}: parameter {name!r} is {json.dumps(value)}; give a number in SI units, "
                 "without quotes"
             )
     known = content.get("units", {})
     if strange := [name for name in known if name not in content["parameters"]]:
-        raise ModelError(f"{path}: gives a unit for {strange[0]!r}, but no value; add it")
+        raise ModelError(f"{source}: gives a unit for {strange[0]!r}, but no value; add it")
     if any(not isinstance(unit, str) for unit in known.values()):
-        raise ModelError(f'{path}: every unit must be text in quotes, such as "Pa"')
+        raise ModelError(f'{source}: every unit must be text in quotes, such as "Pa"')

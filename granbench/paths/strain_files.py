@@ -1,16 +1,12 @@
-"""Paths from CSV files.
+"""Paths from tables of strains and stresses.
 
 One row a step, one column for each component of one order: ``eps_xx`` prescribes the cumulative
 strain xx, and ``sig_xx`` in its place the stress. A file whose only column is ``eps_axial``
 (``eps_shear``) is the history of a standard test's driving strain. Compression is positive,
-strain has no unit (0.01 is one per cent) and stress is in Pa. Where semicolons or tabs separate
-the columns, as spreadsheets of some languages write them, numbers may have decimal commas.
+strain has no unit (0.01 is one per cent) and stress is in Pa, unless a header states another unit
+as in ``sig_xx [kPa]``. What tables are read is said in `granbench.paths.table_files`.
 """
 
-import csv
-import io
-import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -22,13 +18,28 @@ from numpy.typing import NDArray
 from granbench.errors import ConfigurationError
 from granbench.paths.mixed_control import MixedControl
 from granbench.paths.programme import Floats
-from granbench.plausible import LARGEST_STRAIN, LARGEST_STRESS
-from granbench.tensors import COMPONENT_ORDERS
+from granbench.paths.table_files import read_table
+from granbench.paths.tables import Column, Table
+from granbench.plausible import LARGEST_STRAIN, LARGEST_STRESS, SMALLEST_STRESS
+from granbench.tensors import COMPONENT_ORDERS, normal_mask
+from granbench.units import is_stress_unit, known_units, split_strange_unit, unit_factor
 
 STRAIN, STRESS = "eps_", "sig_"
 DRIVING_COLUMNS = ("eps_axial", "eps_shear")
+KNOWN_COLUMNS = (
+    *(
+        prefix + label
+        for prefix in (STRAIN, STRESS)
+        for label in sorted({label for own in COMPONENT_ORDERS.values() for label in own})
+    ),
+    *DRIVING_COLUMNS,
+)
 SAME_STRESS = 1e-9
 """Relative difference within which a prescribed stress is the one that a path starts from."""
+SUDDEN_RELEASE = 0.02
+"""Share of the stress at the start to which no test lets a held stress fall in its first step."""
+
+KINDS_OF_FILES = "a CSV file of strains, or records in netCDF (.nc)"
 
 
 @dataclass(frozen=True)
@@ -39,14 +50,16 @@ class PathTable:
     ----------
     source : the file, as errors name it
     columns : names of the columns, in the file's order
-    values : (row, column)
+    values : (row, column), strain as a ratio and stress in Pa
     lines : (row,), line of the file that each row stands on, from 1
+    units : of the columns as the file states them, None where it does not
     """
 
     source: str
     columns: tuple[str, ...]
     values: Floats
     lines: NDArray[np.int64]
+    units: tuple[str | None, ...]
 
     @property
     def driving_column(self) -> str | None:
@@ -97,7 +110,14 @@ class PathTable:
         Parameters
         ----------
         start : (component,), stress that the path starts from, Pa
+
+        Raises
+        ------
+        ConfigurationError
+            If the first row lets a held stress without a unit fall to a small part of the start's,
+            as kPa that are read as Pa do.
         """
+        self._refuse_release(start)
         strain, stress = self.components(STRAIN), self.components(STRESS)
         places = [COMPONENT_ORDERS[self.order].index(label) for label in self.held]
         off = np.abs(stress[0] - start)[places].max(initial=0.0)
@@ -106,102 +126,122 @@ class PathTable:
         stress = np.concatenate([np.tile(start, (added, 1)), stress])
         return MixedControl.of_components(self.order, self.held, strain, stress), added
 
+    def _refuse_release(self, start: Floats) -> None:
+        labels = COMPONENT_ORDERS[self.order]
+        for label, normal, before in zip(labels, normal_mask(self.order), start, strict=True):
+            if not normal or label not in self.held:
+                continue
+            at = self.columns.index(STRESS + label)
+            held = self.values[0, at]
+            if self.units[at] is None and 0.0 < held < SUDDEN_RELEASE * before:
+                raise ConfigurationError(
+                    f"{self.place(0)}, column {STRESS}{label} holds {held:g} Pa, but the path "
+                    f"starts from {before:g} Pa: is the column in kPa? Write its unit into the "
+                    f"header, as {STRESS}{label} [kPa], or {STRESS}{label} [Pa] if it is in Pa"
+                )
+
 
 def read_path(path: Path | str) -> PathTable:
     """Read a path file.
 
     Parameters
     ----------
-    path : CSV file, see the module
+    path : of a table, see the module
 
     Raises
     ------
     ConfigurationError
-        Naming the file, and where there is one the row and column: it is missing or empty, a
-        column is unknown, missing or double, a cell is blank or no finite number, a row is too
-        short or too long, a strain or a stress is as large as only a wrong unit makes it, or
-        there is no step.
+        Naming the file, and where there is one the row and column: see `read_table`; a column is
+        unknown, missing or double, a unit is unknown, a cell is blank or no finite number, a
+        strain or a stress is so large or so small that only a wrong unit explains it, or there is
+        no step.
     """
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise ConfigurationError(
-            f"{path}: cannot be read ({error.strerror}); give a CSV file of strains"
-        ) from error
-    except UnicodeDecodeError as error:
-        raise _no_text(path) from error
-    if text.startswith("\0"):
-        raise _no_text(path)
-    separator = _separator(text)
-    reader = csv.reader(
-        io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True, strict=True
+    table = read_table(
+        Path(path),
+        ConfigurationError,
+        lambda name: name in KNOWN_COLUMNS,
+        f"columns such as {_columns_of_orders()}",
+        KINDS_OF_FILES,
     )
-    rows: list[tuple[int, list[str]]] = []
-    try:
-        for cells in reader:
-            stripped = [cell.strip() for cell in cells]
-            if any(stripped):
-                if separator != ",":
-                    stripped = [cell.replace(",", ".") for cell in stripped]
-                rows.append((reader.line_num, stripped))
-    except csv.Error as error:
-        raise ConfigurationError(
-            f"{path}: line {reader.line_num}: {error}; mend the line"
-        ) from error
-    if not rows:
-        raise ConfigurationError(f"{path}: is empty; give columns such as {_known_columns()}")
-    columns = _checked_columns(rows[0][1], str(path))
-    values = [
-        _numbers(cells, columns, f"{path}: row {number} (line {line})")
-        for number, (line, cells) in enumerate(rows[1:], start=1)
+    columns = [
+        column
+        for column in table.columns
+        if not table.places or column.has_numbers or _plain_name(column) in KNOWN_COLUMNS
     ]
-    lines = np.array([line for line, _ in rows[1:]], dtype=np.int64)
-    table = PathTable(str(path), columns, np.reshape(values, (-1, len(columns))), lines)
-    if not len(values) or (len(values) == 1 and not np.any(values)):
-        raise ConfigurationError(
-            f"{path}: has no step; give at least one row of strains that are not zero"
-        )
-    _check_sizes(table)
-    return table
-
-
-def _no_text(path: Path) -> ConfigurationError:
-    return ConfigurationError(
-        f"{path}: is not a text file in UTF-8; give a CSV file of strains, or records in netCDF "
-        "(.nc)"
+    names = _checked_columns([_plain_name(column) for column in columns], table.source)
+    numbers = [_in_si(table, column, name) for column, name in zip(columns, names, strict=True)]
+    found = PathTable(
+        table.source,
+        names,
+        np.stack(numbers, axis=-1),
+        np.array([int(place.split()[-1]) for place in table.places], dtype=np.int64),
+        tuple(column.unit for column in columns),
     )
+    if not len(found.values) or (len(found.values) == 1 and not np.any(found.values)):
+        raise ConfigurationError(
+            f"{found.source}: has no step; give at least one row of strains that are not zero"
+        )
+    _check_sizes(found)
+    return found
 
 
-def _separator(text: str) -> str:
-    """What separates the columns: a semicolon or a tab where the first line has that alone."""
-    header = text.lstrip().partition("\n")[0]
-    return next((mark for mark in (";", "\t") if mark in header and "," not in header), ",")
+def _plain_name(column: Column) -> str:
+    """The name of a column, without a unit that is unknown."""
+    name, _ = split_strange_unit(column.name) or (column.name, None)
+    return name if name in KNOWN_COLUMNS else column.name
+
+
+def _in_si(table: Table, column: Column, name: str) -> Floats:
+    """The numbers of a column, (row,), strain as a ratio and stress in Pa."""
+    stress = name.startswith(STRESS)
+    _, strange = split_strange_unit(column.name) or ("", None)
+    unit = column.unit or strange
+    factor = 1.0 if unit is None else unit_factor(unit)
+    if unit is not None and (factor is None or is_stress_unit(unit) != stress):
+        raise ConfigurationError(
+            f"{table.source}: column {name} is in {unit!r}, which is no unit of a "
+            f"{'stress' if stress else 'strain'} that is known; use {known_units(stress)}"
+        )
+    if fault := table.fault(column):
+        row, what = fault
+        raise ConfigurationError(
+            f"{table.source}: row {row + 1} ({table.places[row]}), column {name} {what}"
+        )
+    return (factor or 1.0) * table.values(column)
 
 
 def _check_sizes(table: PathTable) -> None:
     """Refuse the first row that holds what only a wrong unit explains."""
     stress = np.array([name.startswith(STRESS) for name in table.columns])
     beyond = np.abs(table.values) > np.where(stress, LARGEST_STRESS, LARGEST_STRAIN)
-    if not beyond.any():
-        return
-    row, at = (int(place[0]) for place in beyond.nonzero())
-    found = f"{table.place(row)}, column {table.columns[at]} holds {table.values[row, at]:g}"
-    if stress[at]:
+    if beyond.any():
+        row, at = (int(place[0]) for place in beyond.nonzero())
+        found = f"{table.place(row)}, column {table.columns[at]} holds {table.values[row, at]:g}"
+        if stress[at]:
+            raise ConfigurationError(
+                f"{found}, a stress beyond {LARGEST_STRESS / 1e9:g} GPa; give it in Pa (1e5 is 100 "
+                "kPa), or state the unit in the header"
+            )
         raise ConfigurationError(
-            f"{found}, a stress beyond {LARGEST_STRESS / 1e9:g} GPa; give it in Pa (1e5 is 100 kPa)"
+            f"{found}, a strain beyond {100.0 * LARGEST_STRAIN:g} %; strain has no unit: if the "
+            f"column is in %, divide it by 100, or write {table.columns[at]} [%]"
         )
-    raise ConfigurationError(
-        f"{found}, a strain beyond {100.0 * LARGEST_STRAIN:g} %; strain has no unit: if the column "
-        "is in %, divide it by 100"
-    )
+    bare = stress & np.array([unit is None for unit in table.units])
+    largest = np.abs(table.values[:, bare]).max(initial=0.0)
+    if 0.0 < largest < SMALLEST_STRESS:
+        name = table.columns[int(bare.argmax())]
+        raise ConfigurationError(
+            f"{table.source}: column {name} and the other stresses hold at most {largest:g} Pa, "
+            f"less than {SMALLEST_STRESS / 1e3:g} kPa: are they in kPa? Write the unit into the "
+            f"header, as {name} [kPa], or {name} [Pa] if they are in Pa"
+        )
 
 
 def _label(column: str) -> str:
     return column.removeprefix(STRAIN).removeprefix(STRESS)
 
 
-def _known_columns() -> str:
+def _columns_of_orders() -> str:
     return " or ".join(
         ",".join(STRAIN + label for label in labels) for labels in COMPONENT_ORDERS.values()
     )
@@ -212,22 +252,18 @@ def _hint(name: str, known: Sequence[str]) -> str:
     label = name.lower().removeprefix("gamma").lstrip("_")
     if name.lower().startswith("gamma") and STRAIN + label in known:
         return f"give the tensor component {STRAIN}{label}, which is half of {name}: "
-    if re.fullmatch(r"[-+.\deE]+", name):
-        return "it is a number, so the names of the columns are missing above it: "
     near = get_close_matches(name.lower(), known, n=1)
     return f"did you mean {near[0]}? " if near else ""
 
 
 def _checked_columns(names: Sequence[str], source: str) -> tuple[str, ...]:
-    labels = {label for own in COMPONENT_ORDERS.values() for label in own}
-    known = [prefix + label for prefix in (STRAIN, STRESS) for label in sorted(labels)]
-    known += DRIVING_COLUMNS
+    known = KNOWN_COLUMNS
     for number, name in enumerate(names, start=1):
         if name not in known:
             hint = _hint(name, known)
             raise ConfigurationError(
                 f"{source}: column {number} of the header is {name!r}, which is unknown: {hint}"
-                f"name the columns {_known_columns()}, separated by commas or semicolons"
+                f"name the columns {_columns_of_orders()}, separated by commas or blanks"
             )
     if driving := [name for name in names if name in DRIVING_COLUMNS]:
         if len(names) > 1:
@@ -248,31 +284,11 @@ def _checked_columns(names: Sequence[str], source: str) -> tuple[str, ...]:
     if not orders:
         raise ConfigurationError(
             f"{source}: columns {','.join(names)} mix component orders; name them "
-            f"{_known_columns()}"
+            f"{_columns_of_orders()}"
         )
     if missing := [label for label in min(orders, key=len) if label not in found]:
         raise ConfigurationError(
             f"{source}: column {STRAIN}{missing[0]} (or {STRESS}{missing[0]}) is missing; name the "
-            f"columns {_known_columns()}"
+            f"columns {_columns_of_orders()}"
         )
     return tuple(names)
-
-
-def _numbers(cells: Sequence[str], columns: Sequence[str], place: str) -> list[float]:
-    if len(cells) != len(columns):
-        raise ConfigurationError(
-            f"{place} has {len(cells)} cells for {len(columns)} columns; mend the row, or separate "
-            "columns by semicolons if commas are decimal"
-        )
-    numbers = []
-    for cell, column in zip(cells, columns, strict=True):
-        try:
-            # Python reads 1_000 as a number, nobody else does.
-            number = float(cell.replace("_", " "))
-        except ValueError:
-            number = math.nan
-        if not math.isfinite(number):
-            what = f"holds {cell!r}, which is not a finite number" if cell else "is blank"
-            raise ConfigurationError(f"{place}, column {column} {what}; mend the cell")
-        numbers.append(number)
-    return numbers

@@ -7,11 +7,11 @@ import torch
 import xarray as xr
 from torch import Tensor
 
-from granbench.cell import MaterialCell
+from granbench.cell import FLOATING_FAILURES, MaterialCell
 from granbench.checks import checked_paths
 from granbench.data.adapters import conditions_of
 from granbench.protocols.free_run import strain_of
-from granbench.protocols.surviving import FLOATING_FAILURES, surviving_course
+from granbench.protocols.surviving import surviving_course
 
 POINTS = (100, 10_000)
 """Gauss points in one call of `step`: a coarse mesh in the plane, and a fine one."""

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
 from functools import partial
 from typing import TypeVar
 
@@ -10,16 +11,15 @@ import torch
 import xarray as xr
 
 from granbench.axes import AXES, COST, EMBEDDED, PHYSICS, ProtocolSpec, chosen_axes, protocols_of
-from granbench.cell import MaterialCell
-from granbench.errors import (
-    ConfigurationError,
-    DatasetError,
-    GranbenchError,
-    ModelError,
-    where_it_fell,
-)
+from granbench.cell import Conditions, MaterialCell
+from granbench.cell_check import CellCheck, checked_cell, spread_rows
+from granbench.cell_contents import changed, snapshot
+from granbench.checks import CHECKED_STRAIN
+from granbench.data.adapters import conditions_of
+from granbench.errors import ConfigurationError, DatasetError, ModelError
 from granbench.models.ground_truth import ground_truth_cell
 from granbench.predictions import (
+    CELL_NOTES,
     EMBEDDED_FAILURES,
     EMBEDDED_OBSTACLE,
     SCORED_INTERNALS,
@@ -27,14 +27,15 @@ from granbench.predictions import (
 )
 from granbench.protocols.cost import cost
 from granbench.protocols.embedded import embedded, embedded_obstacle, embedded_truth
-from granbench.protocols.free_run import noise, rollout, window
+from granbench.protocols.free_run import noise, rollout, strain_of, window
 from granbench.protocols.physics import physics
 from granbench.protocols.single_step import single_step
 from granbench.protocols.surviving import Series
-from granbench.tensors import COMPONENT_ORDERS
+from granbench.tensors import COMPONENT_ORDERS, frobenius_norm
+from granbench.user_code import user_code
 
 Result = TypeVar("Result")
-Told = Callable[[int, str], None]
+Progress = Callable[[int, str], None]
 
 
 def predict(
@@ -44,7 +45,7 @@ def predict(
     *,
     attrs: Mapping[str, str] | None = None,
     training_seconds: Mapping[int, float] | None = None,
-    progress: Told | None = None,
+    progress: Progress | None = None,
 ) -> xr.Dataset:
     """Predictions of a model in their layout (see `granbench.predictions`).
 
@@ -60,7 +61,8 @@ def predict(
     Raises
     ------
     ModelError
-        If a cell has another component order than the records, or lacks what they give.
+        If a cell has another component order than the records, does not pass its check, raises
+        an error, or lacks what they give; or if some seeds, but not all, are the same model.
     ConfigurationError
         If an axis is unknown, or there is no cell or no axis.
     DatasetError
@@ -71,19 +73,27 @@ def predict(
         raise ConfigurationError("there is nothing to evaluate: give at least one seed")
     for cell in cells.values():
         _check_order(cell, dataset)
-    told = progress or (lambda seed, done: None)
+    report = progress or (lambda seed, done: None)
     reads = any(cell.reads_records for cell in cells.values())
-    with torch.no_grad():
-        predicted = _predicted(cells, dataset, chosen, told)
+    with torch.no_grad(), ExitStack() as checks:
+        passed = _checked(cells, dataset, checks)
+        notes = [note for check in passed.values() for note in check.notes]
+        predicted = _predicted(cells, dataset, chosen, report)
+        if _same_model(passed, predicted, chosen) and len(set(map(id, cells.values()))) > 1:
+            notes.append(
+                f"seeds {', '.join(map(str, cells))} are one and the same model: it is scored as "
+                "one deterministic model, and its seeds only draw the noise"
+            )
+            cells = dict.fromkeys(cells, next(iter(cells.values())))
         others = []
         if "noise" in chosen and not reads:
             others += _noised_truth(cells, dataset)
         if EMBEDDED in chosen:
-            others.append(_embedded(cells, dataset, told))
+            others.append(_embedded(cells, dataset, report))
         if PHYSICS in chosen:
-            others.append(_for_each(cells, PHYSICS, lambda cell: physics(cell, dataset), told))
+            others.append(_for_each(cells, PHYSICS, lambda cell: physics(cell, dataset), report))
         if COST in chosen:
-            others.append(_costs(cells, dataset, told).assign(_training(cells, training_seconds)))
+            others.append(_costs(cells, dataset, report).assign(_training(cells, training_seconds)))
     return assemble(
         predicted,
         dataset=dataset,
@@ -92,10 +102,83 @@ def predict(
         attrs={
             "model": next(iter(cells.values())).name,
             "reads_records": int(reads),
+            **({CELL_NOTES: json.dumps(list(dict.fromkeys(notes)))} if notes else {}),
             **(attrs or {}),
         },
         others=others,
     )
+
+
+def _checked(
+    cells: Mapping[int, MaterialCell], dataset: xr.Dataset, checks: ExitStack
+) -> dict[int, CellCheck]:
+    """The check of each seed's cell, which lasts as long as `checks`."""
+    passed: dict[int, CellCheck] = {}
+    for cell in cells.values():
+        if id(cell) not in passed:
+            passed[id(cell)] = checks.enter_context(checked_cell(cell, *_probe(cell, dataset)))
+    return {seed: passed[id(cell)] for seed, cell in cells.items()}
+
+
+def _same_model(
+    checks: Mapping[int, CellCheck], predicted: Mapping[str, np.ndarray], axes: Iterable[str]
+) -> bool:
+    """Whether all seeds are one and the same model: whatever no seed enters is the same.
+
+    Raises
+    ------
+    ModelError
+        If some are, but not all.
+    """
+    seeds = list(checks)
+    drawn = np.array([spec.axis == "noise" for spec in protocols_of(axes)], dtype=bool)
+    if predicted and not drawn.all():
+        answers = [stress[~drawn] for stress in predicted["stress"]]
+        kinds = [_place_of(answer, answers, _equal_arrays) for answer in answers]
+    else:
+        kinds = [_place_of(check, list(checks.values()), _equal_cells) for check in checks.values()]
+    if len(set(kinds)) == 1:
+        return True
+    if len(set(kinds)) < len(kinds):
+        twice = next(kind for kind in kinds if kinds.count(kind) > 1)
+        same = [str(seed) for seed, kind in zip(seeds, kinds, strict=True) if kind == twice]
+        raise ModelError(
+            f"seeds {' and '.join(same)} are one and the same model, which would count "
+            f"{len(same)} times in every mean; give each model once, or models of different "
+            "trainings"
+        )
+    return False
+
+
+def _place_of(item: Result, items: list[Result], equal: Callable[[Result, Result], bool]) -> int:
+    return next(place for place, other in enumerate(items) if equal(item, other))
+
+
+def _equal_arrays(one: np.ndarray, other: np.ndarray) -> bool:
+    return np.array_equal(one, other, equal_nan=True)
+
+
+def _equal_cells(one: CellCheck, other: CellCheck) -> bool:
+    if one.cell is other.cell:
+        return True
+    answers = _equal_arrays(one.answers.numpy(), other.answers.numpy())
+    kinds = type(one.cell) is type(other.cell)
+    return kinds and answers and not changed(snapshot(one.cell), snapshot(other.cell))
+
+
+def _probe(cell: MaterialCell, dataset: xr.Dataset) -> tuple[Conditions, torch.Tensor]:
+    """A few paths of the records for the check of a cell: their starts, and small increments.
+
+    The increments have the directions of the paths, but no more than the strain at which the
+    physics axis looks, which every model should bear.
+    """
+    records = dataset.isel(path=spread_rows(dataset.sizes["path"]))
+    strain = strain_of(records)
+    rows = torch.tensor(spread_rows(strain.shape[1]))
+    increments = strain[:, rows].diff(dim=1)
+    size = frobenius_norm(increments, cell.order).clamp(min=CHECKED_STRAIN)
+    increments = increments * (CHECKED_STRAIN / size)[..., None]
+    return conditions_of(records, dtype=cell.dtype), increments
 
 
 def progress_parts(axes: Iterable[str]) -> int:
@@ -129,7 +212,7 @@ def noised_truth(dataset: xr.Dataset, spec: ProtocolSpec, seed: int) -> np.ndarr
 
 
 def _predicted(
-    cells: Mapping[int, MaterialCell], dataset: xr.Dataset, axes: Iterable[str], told: Told
+    cells: Mapping[int, MaterialCell], dataset: xr.Dataset, axes: Iterable[str], report: Progress
 ) -> dict[str, np.ndarray]:
     """`stress` and the internal variables that are scored, over (seed, protocol, path, ...)."""
     protocols = protocols_of(axes)
@@ -140,7 +223,7 @@ def _predicted(
         runs.append([])
         for spec in protocols:
             runs[-1].append(_guarded(cell, spec.name, partial(_run, spec, cell, dataset, seed)))
-            told(seed, spec.title)
+            report(seed, spec.title)
     internals = [
         name
         for name in runs[0][0]
@@ -175,12 +258,14 @@ def _noised_truth(cells: Mapping[int, MaterialCell], dataset: xr.Dataset) -> lis
     return [xr.Dataset({"noised_truth": (dims, stress)}, {"noise": names})]
 
 
-def _embedded(cells: Mapping[int, MaterialCell], dataset: xr.Dataset, told: Told) -> xr.Dataset:
+def _embedded(
+    cells: Mapping[int, MaterialCell], dataset: xr.Dataset, report: Progress
+) -> xr.Dataset:
     """The responses of boundary-value problems, or why there are none."""
     obstacle = embedded_obstacle(dataset, cells.values())
     if obstacle:
         return xr.Dataset(attrs={EMBEDDED_OBSTACLE: obstacle})
-    found = _for_each(cells, EMBEDDED, lambda cell: embedded(cell, dataset), told)
+    found = _for_each(cells, EMBEDDED, lambda cell: embedded(cell, dataset), report)
     failures = found["failure"].assign_coords(seed=list(cells)).to_series()
     reasons = {"/".join(map(str, place)): text for place, text in failures.items() if text}
     return xr.merge([found.drop_vars("failure"), embedded_truth(dataset)]).assign_attrs(
@@ -188,9 +273,9 @@ def _embedded(cells: Mapping[int, MaterialCell], dataset: xr.Dataset, told: Told
     )
 
 
-def _costs(cells: Mapping[int, MaterialCell], dataset: xr.Dataset, told: Told) -> xr.Dataset:
+def _costs(cells: Mapping[int, MaterialCell], dataset: xr.Dataset, report: Progress) -> xr.Dataset:
     truth = ground_truth_cell(dataset)
-    return _for_each(cells, COST, lambda cell: cost(cell, dataset, truth), told)
+    return _for_each(cells, COST, lambda cell: cost(cell, dataset, truth), report)
 
 
 def _training(
@@ -209,7 +294,7 @@ def _for_each(
     cells: Mapping[int, MaterialCell],
     axis: str,
     measure: Callable[[MaterialCell], xr.Dataset],
-    told: Told,
+    report: Progress,
 ) -> xr.Dataset:
     """A measurement that no seed of ours enters: once for each cell, over `seed`."""
     known: dict[int, xr.Dataset] = {}
@@ -218,21 +303,14 @@ def _for_each(
         if id(cell) not in known:
             known[id(cell)] = _guarded(cell, axis, partial(measure, cell))
         found.append(known[id(cell)])
-        told(seed, axis)
+        report(seed, axis)
     joined = xr.concat(found, dim="seed", combine_attrs="override", join="exact")
     return joined.assign_attrs(found[0].attrs)
 
 
 def _guarded(cell: MaterialCell, part: str, run: Callable[[], Result]) -> Result:
-    try:
+    with user_code(f"cell {cell.name!r} failed in protocol {part}"):
         return run()
-    except GranbenchError:
-        raise
-    except Exception as error:
-        # The cell is a stranger's code: say where it fell, and keep the cause for a debugger.
-        raise ModelError(
-            f"cell {cell.name!r} failed in protocol {part} {where_it_fell(error)}; mend the cell"
-        ) from error
 
 
 def _check_order(cell: MaterialCell, dataset: xr.Dataset) -> None:

@@ -13,8 +13,12 @@ from torch import Tensor
 
 from granbench.cell import Conditions, MaterialCell
 from granbench.checks import (
+    CARRIES_TENSION,
     CHECKED_STRAIN,
     CHECKS,
+    NO_STRESS_OUT_OF_PLANE,
+    PRINCIPAL,
+    READS_RECORDS,
     STRESS_CHECKS,
     checked_paths,
     checked_steps,
@@ -57,8 +61,7 @@ def physics(cell: MaterialCell, dataset: xr.Dataset) -> xr.Dataset:
     rows = checked_paths(dataset)
     names = dataset["path_id"].values[rows].astype(str)
     if cell.reads_records:
-        reason = "the model reads its answers from the records and has none for other increments"
-        return _assembled({}, dataset, names, dict.fromkeys(CHECKS, reason))
+        return _assembled({}, dataset, names, dict.fromkeys(CHECKS, READS_RECORDS))
     records = dataset.isel(path=rows)
     strain = strain_of(records)
     conditions = conditions_of(records, dtype=cell.dtype)
@@ -67,12 +70,9 @@ def physics(cell: MaterialCell, dataset: xr.Dataset) -> xr.Dataset:
     responses = _of_single_increments(cell, records, strain, course["state"], obstacles)
     responses |= _of_whole_paths(cell, strain, conditions, course["stress"], obstacles)
     if not holds_no_tension(dataset):
-        obstacles["compression"] = "the material of this task may carry tension"
+        obstacles["compression"] = CARRIES_TENSION
     elif OUT_OF_PLANE in dataset and OUT_OF_PLANE not in cell.layout:
-        obstacles["compression"] = (
-            "the mean stress of this task includes the stress out of the plane, which the model "
-            "does not predict"
-        )
+        obstacles["compression"] = NO_STRESS_OUT_OF_PLANE
     else:
         responses["tension_share"] = _tension_share(_mean_stress(cell, course, dataset))
     return _assembled(responses, dataset, names, obstacles)
@@ -149,7 +149,7 @@ def _of_whole_paths(
     responses = {"swap": asymmetry(cell, strain, conditions, stress, swaps)}
     rotation = turn(cell.order)
     if rotation is None:
-        obstacles["rotation"] = "the records hold principal components, which cannot be turned"
+        obstacles["rotation"] = PRINCIPAL
     else:
         responses["rotation"] = asymmetry(cell, strain, conditions, stress, [rotation])
     responses["cycle_work"] = cycle_work(cell, strain, conditions)

@@ -10,9 +10,7 @@ from collections.abc import Callable, Mapping
 import torch
 from torch import Tensor
 
-from granbench.cell import Conditions, History, MaterialCell
-
-FLOATING_FAILURES = (ArithmeticError, torch.linalg.LinAlgError)
+from granbench.cell import FLOATING_FAILURES, Conditions, History, MaterialCell
 
 Series = dict[str, Tensor]
 """`stress` (path, step, component) and internals (path, step) under their names."""

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from granbench.cell import MaterialCell
+from granbench.cell import FLOATING_FAILURES, MaterialCell
 from granbench.errors import GranbenchError
-from granbench.protocols.surviving import FLOATING_FAILURES, Series, surviving, surviving_step
+from granbench.protocols.surviving import Series, surviving, surviving_step
+from granbench.user_code import failure_location
 
 WIDTHS = (1e-4, 1e-5, 1e-6, 1e-7)
 """Half widths of the differences, strain. The widest sees curvature, the narrowest rounding; a
@@ -34,22 +35,25 @@ class TangentErrors:
 
 
 def tangent_obstacle(cell: MaterialCell, dstrain: Tensor, state: Tensor) -> str | None:
-    """Why a cell that can be stepped has no tangent, or None.
+    """Why a cell that can be stepped has no tangent of its own, or None.
 
     Parameters
     ----------
     dstrain, state : of points that the cell can be asked for
     """
+    increment, before = dstrain[:1].to(cell.dtype), state[:1].to(cell.dtype)
     try:
-        cell.tangent(dstrain[:1].to(cell.dtype), state[:1].to(cell.dtype))
+        *_, tangent = cell.tangent(increment, before)
+        by_torch = type(cell).tangent is MaterialCell.tangent
+        if by_torch and tangent.any() and cell.differentiated(increment, before) is None:
+            return (
+                "the model gives torch no gradients; analyses take its tangent by differences, "
+                "with which it would be compared here"
+            )
     except (GranbenchError, *FLOATING_FAILURES):
         return None
-    except RuntimeError as error:
-        # torch says so where a step leaves torch, or writes into what it has read.
-        return (
-            "the cell offers no tangent and its step cannot be differentiated: "
-            f"{str(error).splitlines()[0]}"
-        )
+    except Exception as error:
+        return f"the tangent of the model fails: {failure_location(error)}"
     return None
 
 
@@ -74,7 +78,7 @@ def in_double_precision(cell: MaterialCell, dstrain: Tensor, state: Tensor) -> M
         if isinstance(double, torch.nn.Module):
             double.double()
         stress, _ = double.step(dstrain[:1].double(), state[:1].double())
-    except Exception:  # a stranger's cell: whatever it is, it can be asked in its own precision
+    except Exception:  # user code: whatever it is, it can be asked in its own precision
         return cell
     return double if stress.dtype == torch.float64 else cell
 

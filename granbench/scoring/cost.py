@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from granbench.axes import COST
+from granbench.errors import SubmissionError
 from granbench.scoring.scorecard import ALL, Score, rounded
 
 
@@ -41,13 +42,21 @@ COST_METRICS: tuple[CostMetric, ...] = (
 )
 
 
-def cost_scores(predictions: xr.Dataset, no_truth: str | None) -> Iterator[Score]:
+def cost_scores(
+    predictions: xr.Dataset, no_truth: str | None, reads: bool = False
+) -> Iterator[Score]:
     """Every score of the cost axis; they belong to no split.
 
     Parameters
     ----------
     predictions : see `granbench.predictions`
     no_truth : why there is no ground truth to compare with, or None
+    reads : whether the model is the ceiling, to which nothing is timed
+
+    Raises
+    ------
+    SubmissionError
+        If the times of a model that computes its answers are missing.
     """
     for metric in COST_METRICS:
         place: dict[str, Any] = {
@@ -58,7 +67,7 @@ def cost_scores(predictions: xr.Dataset, no_truth: str | None) -> Iterator[Score
             reason = f"axis {COST} was left out of the evaluation"
             yield Score(**place, status="not_run", reason=reason)
             continue
-        obstacle, values = _values(predictions, metric, no_truth)
+        obstacle, values = _values(predictions, metric, no_truth, reads)
         if obstacle:
             yield Score(**place, status="not_applicable", reason=obstacle)
         else:
@@ -68,19 +77,23 @@ def cost_scores(predictions: xr.Dataset, no_truth: str | None) -> Iterator[Score
 
 
 def _values(
-    predictions: xr.Dataset, metric: CostMetric, no_truth: str | None
+    predictions: xr.Dataset, metric: CostMetric, no_truth: str | None, reads: bool
 ) -> tuple[str | None, np.ndarray]:
     """Why the metric does not apply, or None; and its values (seed,)."""
     none = np.empty(0)
     if metric.points is None:
+        if metric.name not in predictions:
+            raise _lacks(metric.name)
         values = predictions[metric.name].values.astype(np.float64)
         known = np.isfinite(values).all()
         return (None if known else "how long the model was trained is not known"), values
     if metric.against_truth and no_truth:
         return no_truth, none
+    if reads:
+        return "the model reads its answers from the records, which is no update", none
     seconds = _timed(predictions, "update_seconds", metric.points)
     if seconds is None:
-        return "the model reads its answers from the records, which is no update", none
+        raise _lacks("update_seconds")
     if metric.against_truth:
         truth = _timed(predictions, "truth_update_seconds", metric.points)
         if truth is None or not np.isfinite(truth).all():
@@ -95,3 +108,7 @@ def _timed(predictions: xr.Dataset, name: str, points: int) -> np.ndarray | None
     if name not in predictions or points not in predictions["points"].values:
         return None
     return predictions[name].sel(points=points).values.astype(np.float64)
+
+
+def _lacks(name: str) -> SubmissionError:
+    return SubmissionError(f"the predictions lack {name!r}; run `granbench evaluate` again")

@@ -11,6 +11,7 @@ from granbench.boundary_values import EXPLICIT, SOLVERS, EmbeddedAnalysis, embed
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
 from granbench.predictions import EMBEDDED_OBSTACLE, quantise
+from granbench.scoring.applicability import embedded_obstacle
 from granbench.scoring.embedded_metrics import (
     EMBEDDED_METRICS,
     LARGEST_RATIO,
@@ -25,7 +26,7 @@ Values = dict[str, np.ndarray]
 
 
 def embedded_scores(
-    predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation
+    predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation, reads: bool
 ) -> tuple[list[Score], list[Curve]]:
     """Every score and curve of the axis on a task that states analyses; nothing on any other.
 
@@ -34,25 +35,28 @@ def embedded_scores(
     predictions : see `granbench.predictions`
     truth : the scored records
     normalisation : training standard deviations
+    reads : whether the model is the ceiling, see `granbench.scoring.applicability.reads_records`
 
     Raises
     ------
     SubmissionError
-        If the predictions hold other analyses than the dataset states, or lack a response.
+        If the predictions excuse a model to which the axis applies, hold other analyses than the
+        dataset states, or lack a response.
     """
     analyses = embedded_analyses(truth)
     if not analyses:
         return [], []
-    obstacle = predictions.attrs.get(EMBEDDED_OBSTACLE)
-    if obstacle and not predictions.attrs.get("reads_records"):
+    if EMBEDDED_OBSTACLE not in predictions.attrs:
+        reason = f"axis {EMBEDDED} was left out of the evaluation"
+        return list(_without(analyses, "not_run", reason)), []
+    obstacle = embedded_obstacle(truth, reads)
+    if obstacle is not None:
+        return list(_without(analyses, "not_applicable", obstacle)), []
+    if predictions.attrs[EMBEDDED_OBSTACLE] != "":
         raise SubmissionError(
-            "the predictions say that the embedded axis does not apply to a model that computes "
-            "its answers; run `granbench evaluate` again"
+            "the predictions say that the embedded axis does not apply, but on this task it "
+            "applies to a model that computes its answers; run `granbench evaluate` again"
         )
-    if obstacle != "":
-        status = "not_run" if obstacle is None else "not_applicable"
-        reason = obstacle or f"axis {EMBEDDED} was left out of the evaluation"
-        return list(_without(analyses, status, reason)), []
     _check(predictions, truth, analyses)
     scores: list[Score] = []
     curves: list[Curve] = []

@@ -9,6 +9,7 @@ from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
 from granbench.predictions import GROUND_TRUTH
 from granbench.scoring.along_paths import curves, scores_of_split
+from granbench.scoring.applicability import reads_records
 from granbench.scoring.cost import cost_scores
 from granbench.scoring.embedded import embedded_scores
 from granbench.scoring.metrics import METRIC_VERSION
@@ -40,14 +41,15 @@ def score(predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisati
     components = [str(label) for label in truth["component"].values]
     std = normalisation.std
     statistics = path_statistics(predictions, truth, normalisation)
-    of_analyses, curves_of_analyses = embedded_scores(predictions, truth, normalisation)
+    reads = reads_records(predictions, statistics)
+    of_analyses, curves_of_analyses = embedded_scores(predictions, truth, normalisation, reads)
     return Scorecard(
         metric_version=METRIC_VERSION,
         normalisation=Scales(
             stress=dict(zip(components, map(rounded, std["stress"]), strict=True)),
             void_ratio=rounded(std["void_ratio"]) if "void_ratio" in std else None,
         ),
-        scores=tuple(_scores(predictions, truth, statistics, normalisation, of_analyses)),
+        scores=tuple(_scores(predictions, truth, statistics, normalisation, of_analyses, reads)),
         curves=(*curves(statistics), *curves_of_analyses),
     )
 
@@ -58,10 +60,11 @@ def _scores(
     statistics: xr.Dataset,
     normalisation: Normalisation,
     embedded: Sequence[Score],
+    reads: bool,
 ) -> Iterator[Score]:
     no_truth = None if GROUND_TRUTH in truth.attrs else NO_TRUTH
-    physics = physics_statistics(predictions, truth, normalisation)
-    no_noised_truth = no_truth or _no_noised_truth(predictions)
+    physics = physics_statistics(predictions, truth, normalisation, reads)
+    no_noised_truth = no_truth or _no_noised_truth(predictions, reads)
     for split in split_order(truth["split"].values.astype(str)):
         yield from scores_of_split(statistics, split, no_noised_truth)
         yield from physics_scores(physics, split)
@@ -71,12 +74,12 @@ def _scores(
                 status="not_applicable", reason=NO_ANALYSES,
             )  # fmt: skip
     yield from embedded
-    yield from cost_scores(predictions, no_truth)
+    yield from cost_scores(predictions, no_truth, reads)
 
 
-def _no_noised_truth(predictions: xr.Dataset) -> str | None:
+def _no_noised_truth(predictions: xr.Dataset, reads: bool) -> str | None:
     """Why there is no truth for noised strain where there is a ground truth, or None."""
-    if predictions.attrs.get("reads_records"):
+    if reads:
         return READS_RECORDS
     protocols = predictions["protocol"].values if "protocol" in predictions.coords else ()
     noised = predictions["noise"].values if "noise" in predictions.coords else ()

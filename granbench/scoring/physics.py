@@ -1,6 +1,5 @@
 """Scores of the physics axis: from the responses to the checks to violations."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -11,6 +10,7 @@ from granbench.checks import CHECKED_STRAIN, CHECKS, Check, checked_paths
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
 from granbench.predictions import PHYSICS_OBSTACLES
+from granbench.scoring.applicability import physics_obstacles
 from granbench.scoring.bootstrap import Resampling
 from granbench.scoring.metrics import PHYSICS_METRICS, TANGENT_METRICS, Metric
 from granbench.scoring.reduction import Paths, not_applicable, not_run, reduced
@@ -45,7 +45,7 @@ class PhysicsStatistics:
 
 
 def physics_statistics(
-    predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation
+    predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation, reads: bool
 ) -> PhysicsStatistics:
     """Violations from the stored responses; none where the axis was left out.
 
@@ -54,16 +54,18 @@ def physics_statistics(
     predictions : see `granbench.predictions`
     truth : the scored records, in the order of the predictions
     normalisation : training standard deviations
+    reads : whether the model is the ceiling, see `granbench.scoring.applicability.reads_records`
 
     Raises
     ------
     SubmissionError
-        If other paths were checked than the benchmark checks, or a response is missing.
+        If other paths were checked than the benchmark checks, a response is missing, or a check is
+        left out that applies.
     """
     records = truth.isel(path=checked_paths(truth))
     if PHYSICS_OBSTACLES not in predictions.attrs:
         return PhysicsStatistics(records)
-    obstacles = _obstacles(predictions)
+    obstacles = physics_obstacles(predictions, truth, reads)
     applicable = [name for name in CHECKS if name not in obstacles]
     if applicable:
         _check_paths(predictions, records)
@@ -103,19 +105,6 @@ def _score(
     return reduced(check, metric, paths, values[:, inside])
 
 
-def _obstacles(predictions: xr.Dataset) -> dict[str, str]:
-    try:
-        obstacles = json.loads(predictions.attrs[PHYSICS_OBSTACLES])
-        if set(obstacles) <= set(CHECKS) and all(map(str.strip, obstacles.values())):
-            return obstacles
-    except (ValueError, TypeError, AttributeError):
-        pass
-    raise SubmissionError(
-        f"the predictions' attribute {PHYSICS_OBSTACLES!r} does not say why which checks do not "
-        "apply; run `granbench evaluate` again"
-    )
-
-
 def _check_paths(predictions: xr.Dataset, records: xr.Dataset) -> None:
     expected = [str(name) for name in records["path_id"].values]
     if "checked_path" not in predictions.coords or expected != [
@@ -142,25 +131,25 @@ def _violation(
         )
     response = predictions[variable]
     order = component_order(tuple(map(str, records["component"].values)))
-    often = 2.0 - np.asarray(normal_mask(order))  # a shear component stands twice in the tensor
+    count = 2.0 - np.asarray(normal_mask(order))  # a shear component stands twice in the tensor
     if variable == "stress_change":
         change = response.sel(check=name).values.astype(np.float64)
         if name.startswith("substeps"):
             std = normalisation.std
-            stiffness = _norm(std["stress"], often) / _norm(std["strain"], often)
-            return _norm(change, often) / (stiffness * CHECKED_STRAIN)
+            stiffness = _norm(std["stress"], count) / _norm(std["strain"], count)
+            return _norm(change, count) / (stiffness * CHECKED_STRAIN)
         return np.max(np.abs(change) / normalisation.std["stress"], axis=-1)
     if name == "dissipation":
         # Against a stress of one standard deviation along the path and back.
         strain = records["strain"].values.astype(np.float64)
         length = 2.0 * np.abs(np.diff(strain, axis=1)).sum(axis=1)
-        scale = (often * normalisation.std["stress"] * length).sum(axis=-1)
+        scale = (count * normalisation.std["stress"] * length).sum(axis=-1)
         return np.maximum(-response.values.astype(np.float64), 0.0) / scale
     return response.values.astype(np.float64)
 
 
-def _norm(components: np.ndarray, often: np.ndarray) -> np.ndarray:
-    return np.sqrt((often * components**2).sum(axis=-1))
+def _norm(components: np.ndarray, count: np.ndarray) -> np.ndarray:
+    return np.sqrt((count * components**2).sum(axis=-1))
 
 
 def _clipped(violation: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ import json
 
 import netCDF4
 import pytest
+import yaml
 
 from granbench.cli import main
 from granbench.records import write_records
@@ -136,6 +137,20 @@ def test_user_errors_are_one_sentence(granbench, shelf, records, tmp_path):
     words = ("data", "plot", file, "--out", tmp_path / "folder.png")
     assert_one_sentence(granbench(*words), "folder.png", "cannot be written", "choose another")
     assert_one_sentence(granbench("data", "list", "--jsn"), "--jsn")
+
+
+def test_list_and_fetch_say_what_can_be_made_here(granbench, shelf, records):
+    for version, seconds in (("1.0.0", None), ("1.1.0", 5.0), ("1.2.0", 200.0)):
+        entry = shelf.publish(records, version)
+        file = shelf.mirror.parent / "registry" / f"synthetic-{version}.yaml"
+        fields = entry.model_dump(mode="json") | {"generator_seconds": seconds}
+        fields["generator"] = "granbench generate synthetic --out DIR"
+        file.write_text(yaml.safe_dump(fields))
+    rows = granbench("data", "list")[1].splitlines()
+    places = {row.split("│")[2].strip(): row.split("│")[5].strip() for row in rows if "│" in row}
+    assert places == {"1.2.0": "made by `fetch --make`", "1.1.0": "made in seconds", "1.0.0": "no"}
+    assert_one_sentence(granbench("data", "fetch", "synthetic"), "--make", "about 3 minutes")
+    assert_one_sentence(granbench("data", "fetch", "synthetic@1.0.0"), "granbench-data")
 
 
 def test_maintainers_register_a_file_and_its_mini_tier(granbench, shelf, records_file, tmp_path):

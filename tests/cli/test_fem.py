@@ -171,7 +171,7 @@ def test_module_that_raises_is_named_by_its_line_and_the_output_before_it_kept(f
         words = ("--cell", "own:raises", "--solver", solver, "--out", f"{solver}.nc")
         refused(
             fem("biaxial", *words, "--mesh", "coarse"),
-            f"with ValueError (boom) at own.py line {line}; mend the model",
+            f"with ValueError (boom) at own.py line {line}; fix the model",
             f"{solver}.nc holds the output up to driving strain 0.00",
         )
         with xr.open_dataset(f"{solver}.nc") as found:

@@ -1,6 +1,8 @@
 """A real HTTP server on this machine that can misbehave like real ones."""
 
+import contextlib
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -19,6 +21,9 @@ class Mirror:
     status : HTTP status of every answer instead of the file
     page : an HTML page with status 200 that it sends instead of the file
     length : whether it tells Content-Length
+    headers : further headers, or other values of Content-Length and Content-Range
+    pause : seconds between the single bytes of `drips`
+    drips : `headers` or `body`, which it sends byte by byte; None for at once
     """
 
     content: bytes
@@ -27,6 +32,9 @@ class Mirror:
     status: int | None = None
     page: bytes | None = None
     length: bool = True
+    headers: tuple[tuple[str, str], ...] = ()
+    pause: float = 0.05
+    drips: str | None = None
     address: str = ""
     requests: list[str | None] = field(default_factory=list)
 
@@ -35,12 +43,17 @@ class Mirror:
 def serve(mirror: Mirror) -> Iterator[Mirror]:
     """Serve until the block ends; `mirror.address` says where."""
 
+    stopped = threading.Event()
+
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             span = self.headers.get("Range")
             mirror.requests.append(span)
             if mirror.status is not None:
-                self.send_error(mirror.status)
+                self.send_response(mirror.status)
+                for name, text in mirror.headers:
+                    self.send_header(name, text)
+                self.end_headers()
                 return
             body, start = mirror.content, 0
             kind = "application/x-netcdf"
@@ -50,12 +63,28 @@ def serve(mirror: Mirror) -> Iterator[Mirror]:
                 start = int(span.removeprefix("bytes=").removesuffix("-"))
             self.send_response(206 if start else 200)
             self.send_header("Content-Type", kind)
-            if start:
+            own = {name for name, _ in mirror.headers}
+            if start and "Content-Range" not in own:
                 self.send_header("Content-Range", f"bytes {start}-{len(body) - 1}/{len(body)}")
-            if mirror.length:
+            if mirror.length and "Content-Length" not in own:
                 self.send_header("Content-Length", str(len(body) - start))
+            for name, text in mirror.headers:
+                self.send_header(name, text)
+            if mirror.drips == "headers":
+                self.drip(b"X-Slow: " + b"x" * 5000)
             self.end_headers()
-            self.wfile.write(body[start:][: mirror.breaks_after])
+            sent = body[start:][: mirror.breaks_after]
+            self.drip(sent) if mirror.drips == "body" else self.wfile.write(sent)
+
+        def drip(self, content: bytes) -> None:
+            self.flush_headers()
+            with contextlib.suppress(OSError):
+                for place in range(len(content)):
+                    if stopped.is_set():
+                        return
+                    self.wfile.write(content[place : place + 1])
+                    self.wfile.flush()
+                    time.sleep(mirror.pause)
 
         def log_message(self, *_: object) -> None:
             pass
@@ -67,6 +96,7 @@ def serve(mirror: Mirror) -> Iterator[Mirror]:
     try:
         yield mirror
     finally:
+        stopped.set()
         server.shutdown()
         server.server_close()
         thread.join()

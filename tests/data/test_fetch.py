@@ -178,7 +178,7 @@ def test_a_full_disk_without_root(shelf, published, tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     shelf.use_mirror(shelf.mirror)
-    monkeypatch.setattr("granbench.data.fetch.shutil.copyfile", full)
+    monkeypatch.setattr("granbench.data.fetch.shutil.copyfileobj", full)
     with pytest.raises(DownloadError, match="the disk is full; .*--dest"):
         fetch(published, tmp_path / "dest")
     assert names(tmp_path / "dest") == []

@@ -121,8 +121,8 @@ def exhausted(stress: Tensor) -> Tensor:
 @pytest.mark.parametrize(
     ("fault", "sentence"),
     [
-        (boom, r"with ValueError \(boom and more\) at test_gauss_points.py line \d+; mend"),
-        (exhausted, r"with MemoryError at test_gauss_points.py line \d+; mend the model"),
+        (boom, r"with ValueError \(boom and more\) at test_gauss_points.py line \d+; fix"),
+        (exhausted, r"with MemoryError at test_gauss_points.py line \d+; fix the model"),
         (lambda stress: stress @ stress, r"with RuntimeError \(.*\) at test_gauss_points.py line"),
         (lambda stress: None, r"faulty answers in step \d+ with NoneType, NoneType; a step must"),
         (lambda stress: stress.detach().numpy(), r"faulty answers in step \d+ with ndarray, nd"),

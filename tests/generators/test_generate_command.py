@@ -1,6 +1,7 @@
 """`granbench generate` around a campaign of real processes: what SIGTERM leaves behind."""
 
 import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -15,6 +16,8 @@ from campaign_support import (
     processes_named_in,
     wait_until,
 )
+
+from granbench.cli import main
 
 pytestmark = pytest.mark.usefixtures("toy_jobs")
 
@@ -68,3 +71,12 @@ def test_sigterm_stops_the_jobs_says_how_to_continue_and_loses_nothing(
         assert command.communicate(timeout=PATIENCE) == (b"", b"")
     assert command.returncode == 0
     assert files_of(folder) == undisturbed
+
+
+@pytest.mark.parametrize("name", ["back\\slash", os.fsdecode(b"not-utf8-\xff")])
+def test_a_folder_that_netcdf_cannot_write_to_is_refused_before_any_work(tmp_path, name, capsys):
+    with pytest.raises(SystemExit) as left:
+        main(["generate", "gp-j2", "--out", str(tmp_path / name)])
+    assert left.value.code == 2
+    assert "name another folder with --out" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

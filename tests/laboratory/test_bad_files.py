@@ -92,7 +92,7 @@ def tension(headers: list[str], columns: list[np.ndarray]) -> None:
         (not_a_number, ["line 6", "'p [kPa]'", "'nan'"]),
         (no_unit, ["'q'", "no unit", "'q [kPa]'", "--unit deviatoric_stress=kPa"]),
         (force, ["'q [kN]'", "'kN'", "no unit that is known", "MPa", "--unit deviatoric_stress="]),
-        (barrels, ["'e [bbl]'", "'bbl'", "% or -", "--unit void_ratio="]),
+        (barrels, ["'e [bbl]'", "'bbl'", "use %", "--unit void_ratio="]),
         (stress_in_percent, ["'q [%]'", "'%'", "kPa", "--unit deviatoric_stress=kPa"]),
         (no_axial_strain, ["axial strain", "'time [-]'", "--column axial_strain=HEADER"]),
         (no_lateral_stress, ["lateral stress", "'q [kPa]'", "--lateral-stress PA"]),
@@ -133,7 +133,7 @@ def test_a_test_without_volume_is_read_only_where_the_lateral_stress_stands_for_
     path = write_csv(tmp_path / "cd.csv", ["eps1 [%]", "q [kPa]", "p [kPa]"], columns)
     (test,) = read_tests(path)
     assert not test.lateral_strain_known
-    with pytest.raises(DatasetError, match="needs the lateral or the volumetric strain"):
+    with pytest.raises(DatasetError, match="total or effective stresses"):
         read_tests(path, ImportSettings(kind="triaxial-undrained"))
 
 
@@ -183,7 +183,7 @@ def test_a_workbook_names_sheet_and_row_of_a_bad_cell(tmp_path: Path) -> None:
             "--column strain_axial: there is no quantity 'strain_axial'",
         ),
         ({"units": {"stress": "%"}}, "--unit stress=%: '%' is no unit of stress"),
-        ({"units": {"mean_stress": "psi"}}, "--unit mean_stress=psi: 'psi' is no unit.*kPa"),
+        ({"units": {"mean_stress": "psig"}}, "--unit mean_stress=psig: 'psig' is no unit.*kPa"),
         ({"units": {"strian": "%"}}, "--unit strian"),
         ({"kind": "triaxal"}, "--kind triaxal"),
         ({"strain_measure": "true"}, "--strain-measure true"),

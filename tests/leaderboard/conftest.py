@@ -24,7 +24,7 @@ def sealed(tmp_path_factory, _records) -> xr.Dataset:
 @pytest.fixture(scope="session")
 def _submissions(tmp_path_factory, sealed) -> Path:
     folder = tmp_path_factory.mktemp("submissions")
-    submitted(secant(), sealed, folder / "secant.json", parameters=1)
+    submitted(secant(), sealed, folder / "secant.json", parameters=0)
     submitted(Persistence(), sealed, folder / "persistence.json", role="floor")
     submitted(Oracle(evaluated(sealed)), sealed, folder / "oracle.json")
     return folder

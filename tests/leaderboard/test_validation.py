@@ -165,9 +165,9 @@ def test_a_submission_that_does_not_hold_is_refused(submission_file, sealed, cas
     [
         (b"", "not JSON"),
         (b"<html>", "not JSON"),
-        (b"[]", r"s\.json holds no JSON object; give the file that `granbench evaluate` wrote$"),
-        (b"[1, 2]", "holds no JSON object"),
-        (b"null", "holds no JSON object"),
+        (b"[]", r"s\.json: must be a JSON object.*give the file that `granbench evaluate` wrote$"),
+        (b"[1, 2]", "must be a JSON object"),
+        (b"null", "must be a JSON object"),
         (b'{"name": "a", "name": "b"}', "key 'name' twice"),
         (b"\xff\xfe", "UTF-8"),
         (b"[" * 100_000, "nested too deeply|not JSON"),
@@ -217,7 +217,7 @@ def test_predictions_that_are_not_netcdf_are_refused(submission_file, sealed):
     file.with_suffix(".nc").write_bytes(b"<html>not found</html>")
     digest = file_digest(file.with_suffix(".nc"))
     changed(file, lambda c: c["predictions"].update(sha256=digest))
-    with pytest.raises(SubmissionError, match="cannot be read as netCDF"):
+    with pytest.raises(SubmissionError, match="is not a netCDF file"):
         validate(file, sealed)
 
 

@@ -157,14 +157,14 @@ def test_a_model_without_void_ratio_has_none_in_its_file(scored):
     assert list(predictions["protocol"].values) == ["rollout"]
 
 
-def test_progress_is_told_after_each_protocol(scored):
-    told = []
+def test_progress_is_reported_after_each_protocol(scored):
+    reported = []
     predict(
         {0: Persistence(), 4: Persistence()}, scored, ["window", "noise"],
-        progress=lambda seed, done: told.append((seed, done)),
+        progress=lambda seed, done: reported.append((seed, done)),
     )  # fmt: skip
     names = ["window", "noise-0.2", "noise-0.5", "noise-1.0"]
-    assert told == [(seed, PROTOCOLS[name].title) for seed in (0, 4) for name in names]
+    assert reported == [(seed, PROTOCOLS[name].title) for seed in (0, 4) for name in names]
 
 
 def test_wrong_requests_are_refused(scored):
@@ -175,15 +175,28 @@ def test_wrong_requests_are_refused(scored):
         predict({0: plane}, scored)
 
 
-def test_a_bug_in_a_strangers_cell_is_told_with_its_place(scored):
+def test_a_bug_in_user_code_is_reported_with_its_line(scored):
     class Wide(torch.nn.Module):
         def forward(self, dstrain, stress):
             return stress @ torch.ones(4, 3)
 
     with pytest.raises(
-        ModelError, match=r"protocol rollout with RuntimeError.* at .*\.py line \d+"
+        ModelError, match=r"wide failed with RuntimeError.* at test_protocols.py li"
     ):
         predict({0: ModuleCell(Wide(), name="wide")}, scored, ["rollout"])
+
+
+def test_a_bug_that_shows_late_names_the_protocol(scored):
+    class Late(torch.nn.Module):
+        def forward(self, dstrain, stress):
+            if len(dstrain) > 10:  # more than are checked
+                raise KeyError("fabric")
+            return stress
+
+    with pytest.raises(
+        ModelError, match=r"protocol rollout with KeyError \('fabric'\) at test_pro"
+    ):
+        predict({0: ModuleCell(Late(), name="late")}, scored, ["rollout"])
 
 
 def test_quantising_twice_changes_nothing_and_errs_little():

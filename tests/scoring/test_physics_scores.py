@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from granbench.checks import CHECKED_STRAIN, CHECKS, STRESS_CHECKS, checked_paths
+from granbench.checks import CHECKED_STRAIN, CHECKS, PRINCIPAL, STRESS_CHECKS, checked_paths
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
 from granbench.predictions import (
@@ -22,7 +22,7 @@ from granbench.scoring.cost import COST_METRICS
 from granbench.scoring.statistics import CEILING
 
 SEEDS = (0, 1, 2)
-ROTATION = {"rotation": "principal components cannot be turned"}
+ROTATION = {"rotation": PRINCIPAL}
 
 
 @pytest.fixture

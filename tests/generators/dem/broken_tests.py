@@ -1,10 +1,25 @@
 """Triaxial jobs that go wrong, each in a way of its own."""
 
+import os
+import signal
+
 from granbench.generators.dem import recording
 from granbench.generators.dem.box import GrainBox
-from granbench.generators.dem.jobs import failure_reason, shear
+from granbench.generators.dem.jobs import PHYSICAL_FAILURES, failure_reason, shear
 
-__all__ = ["failure_reason", "held_too_loosely", "loses_a_grain", "stopped_by_the_engine"]
+__all__ = [
+    "PHYSICAL_FAILURES",
+    "failure_reason",
+    "held_too_loosely",
+    "killed",
+    "loses_a_grain",
+    "stopped_by_the_engine",
+]
+
+
+def killed(configuration, seed, inputs, out):
+    """A test whose process is killed whenever it runs, as by a lack of memory."""
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def held_too_loosely(configuration, seed, inputs, out):

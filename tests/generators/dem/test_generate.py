@@ -1,9 +1,14 @@
 """One small campaign from end to end: its data, its continuation, and what it refuses."""
 
+import contextlib
 import dataclasses
 import json
+import os
 import re
 import shutil
+import signal
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +45,8 @@ def result_of(out, test):
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory):
     """Folder of a finished smoke campaign, its dataset and its report; only to be read."""
-    out = tmp_path_factory.mktemp("smoke")
+    # LIGGGHTS gives most of these characters a meaning, and a line of its input ends early.
+    out = tmp_path_factory.mktemp("smoke") / f'a b $HOME #x\t"q\'u" & * % ünï 日本 {"n" * 180}'
     path, report = quietly(out)
     return out, path, report
 
@@ -147,6 +153,69 @@ def test_one_test_run_twice_gives_the_same_bits(own):
     assert (result / "record.npz").read_bytes() == before
 
 
+def helper_of_a_job() -> int | None:
+    """The MPI daemon that LIGGGHTS has started in a job of this process."""
+    parents, names = {}, {}
+    for file in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            before, _, after = file.read_text().rpartition(")")
+            parents[int(file.parent.name)] = int(after.split()[1])
+            names[int(file.parent.name)] = before.partition("(")[2]
+    for process, name in names.items():
+        if name == "orted" and parents.get(parents[process]) == os.getpid():
+            return process
+    return None
+
+
+def test_a_job_whose_mpi_helper_is_killed_is_tried_again_and_gives_the_same_bits(own):
+    result = result_of(own, TESTS[0])
+    before = (result / "record.npz").read_bytes()
+    shutil.rmtree(result)
+
+    def kill() -> None:
+        end = time.monotonic() + 60.0
+        while (helper := helper_of_a_job()) is None and time.monotonic() < end:
+            time.sleep(0.02)
+        time.sleep(0.2)
+        os.kill(helper, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    path, report = quietly(own)
+    killer.join()
+    log = (own / "campaign" / "campaign.log").read_text()
+    assert f"again {TESTS[0]}" in log
+    assert not report.failed and (result / "record.npz").read_bytes() == before
+    with open_records(path) as ds:
+        assert ds.sizes["path"] == ds.attrs["planned_paths"]
+
+
+def test_a_dataset_without_a_job_that_was_ended_from_outside_is_not_written(own, monkeypatch):
+    def jobs(preset, plans):
+        return [
+            dataclasses.replace(job, function="broken_tests:killed") if job.key == TESTS[0] else job
+            for job in campaign_jobs(preset, plans)
+        ]
+
+    shutil.rmtree(result_of(own, TESTS[0]))
+    (own / "dem-triaxial-0.0.0+smoke.nc").unlink()
+    with monkeypatch.context() as broken:
+        broken.setattr(generate_module, "campaign_jobs", jobs)
+        broken.setenv("PYTHONPATH", str(Path(__file__).parent))
+        with pytest.raises(EngineError, match=f"{TESTS[0]} .*SIGKILL.*same command again"):
+            quietly(own)
+    assert not list(own.glob("*.nc"))
+
+
+def test_a_damaged_record_of_a_test_is_made_again(own, finished):
+    result = result_of(own, TESTS[3])
+    (result / "record.npz").write_bytes((result / "record.npz").read_bytes()[:5000])
+    path, report = quietly(own)
+    assert list(report.damaged) == [TESTS[3]]
+    with open_records(finished[1]) as first, open_records(path) as again:
+        assert first.attrs["content_sha256"] == again.attrs["content_sha256"]
+
+
 def test_what_fails_is_recorded_with_its_reason_and_is_not_in_the_data(own, monkeypatch):
     broken = {
         TESTS[0]: ("held_too_loosely", "servo error .* RMS > 0%"),
@@ -167,7 +236,7 @@ def test_what_fails_is_recorded_with_its_reason_and_is_not_in_the_data(own, monk
     for test in broken:
         shutil.rmtree(result_of(own, test))
     path, report = quietly(own)
-    assert set(report.failed) == set(broken)
+    assert set(report.failed) == set(broken) == report.physical
     for test, (_, reason) in broken.items():
         assert re.search(reason, report.failed[test])
     with open_records(path) as ds:

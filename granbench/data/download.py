@@ -1,0 +1,270 @@
+"""One file over HTTP: resumed where it broke off, within bounds on time and size, and checked.
+
+Nothing that a server answers is believed: lengths, ranges and redirections are compared with
+what the registry says, and what comes too slowly is given up.
+"""
+
+import contextlib
+import http.client
+import queue
+import re
+import threading
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from granbench.data.partial_file import discard, open_partial, partial_size
+
+CHUNK = 1 << 18
+TIMEOUT = 30.0
+"""Seconds without a byte after which a connection counts as lost."""
+ATTEMPTS = 4
+"""Connections that may break in a row before a mirror is given up."""
+CONNECTIONS = 100
+"""Connections in all, for a server that sends a few bytes in each."""
+PAUSE = 0.5
+"""Seconds before the second connection; each further one waits twice as long."""
+SLOW_WINDOW = 30.0
+"""Seconds over which the rate is looked at, the time to connect included."""
+SLOWEST_RATE = 1000.0
+"""Bytes a second below which a mirror is given up."""
+WORDS = 160
+"""Most characters of a server's own words in an error."""
+NETCDF4_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
+Progress = Callable[[int, int], None]
+"""Called with the bytes so far and the bytes in all."""
+Check = Callable[[Path], str | None]
+"""What is wrong with a file that should be whole; None if nothing is."""
+
+
+class MirrorFailure(Exception):
+    """This mirror cannot give the file; another one may."""
+
+
+class _ConnectionLost(Exception):
+    """The network failed while reading; kept apart from failures to write on this machine."""
+
+
+def download(
+    address: str, size: int, partial: Path, why_not: Check, progress: Progress | None
+) -> None:
+    """Continue `partial` until it is the wanted file.
+
+    Parameters
+    ----------
+    address : http or https
+    size : bytes of the whole file
+    partial : the `.part` file
+    why_not : says what is wrong with a whole file
+    progress : called after every piece
+
+    Raises
+    ------
+    MirrorFailure
+        If this server does not give the file; what it gave so far is kept if it may be right.
+    OSError
+        If the file cannot be written.
+    """
+    resumed = partial_size(partial) > 0
+    _download_all(address, size, partial, progress)
+    reason = why_not(partial)
+    if reason and resumed:
+        # What was left over may be from another file: once more from the beginning.
+        discard(partial)
+        _download_all(address, size, partial, progress)
+        reason = why_not(partial)
+    if reason:
+        discard(partial)
+        raise MirrorFailure(reason)
+
+
+def _download_all(address: str, size: int, partial: Path, progress: Progress | None) -> None:
+    broken = 0
+    rate = _Rate()
+    for _ in range(CONNECTIONS):
+        done = partial_size(partial)
+        if done >= size:
+            return
+        try:
+            _continue(address, size, partial, rate, progress)
+            reason = "the connection ended early"
+        except _ConnectionLost as error:
+            reason = str(error)
+        broken = 0 if partial_size(partial) > done else broken + 1
+        if broken == ATTEMPTS:
+            raise MirrorFailure(f"{reason} {_kept(partial, size)}")
+        if broken:
+            time.sleep(PAUSE * 2 ** (broken - 1))
+    if partial_size(partial) < size:
+        raise MirrorFailure(f"{CONNECTIONS} connections broke {_kept(partial, size)}")
+
+
+def _kept(partial: Path, size: int) -> str:
+    return f"after {partial_size(partial)} of {size} bytes, which are kept: fetch again to continue"
+
+
+class _Rate:
+    """Bytes that came in windows of time, over all connections to a mirror."""
+
+    def __init__(self) -> None:
+        self._began = time.monotonic()
+        self._received = 0
+
+    def add(self, count: int) -> None:
+        self._received += count
+
+    def left(self) -> float:
+        """Seconds until the rate is judged; a window that was fast enough gives way to the next."""
+        left = self._began + SLOW_WINDOW - time.monotonic()
+        if left <= 0 and self._received >= SLOWEST_RATE * SLOW_WINDOW:
+            self.__init__()  # type: ignore[misc]
+            return SLOW_WINDOW
+        return left
+
+
+def _continue(
+    address: str, size: int, partial: Path, rate: _Rate, progress: Progress | None
+) -> None:
+    """One connection: append what the server sends to `partial`."""
+    start = partial_size(partial)
+    with contextlib.closing(_pieces(address, size, start, partial, rate)) as pieces:
+        start = next(pieces)
+        piece = next(pieces, b"")
+        if not start and not piece.startswith(NETCDF4_SIGNATURE[: len(piece)]):
+            raise MirrorFailure("the server sent something that is not a netCDF file")
+        if not piece:
+            return
+        # Opened only now: what was kept is not given up for an answer that is no file.
+        with open_partial(partial, keep=start > 0) as file:
+            while piece:
+                start += len(piece)
+                if start > size:
+                    raise MirrorFailure(f"the server's file has more than {size} bytes")
+                file.write(piece)
+                if progress:
+                    progress(start, size)
+                piece = next(pieces, b"")
+
+
+def _pieces(address: str, size: int, start: int, partial: Path, rate: _Rate) -> Iterator:
+    """The byte that the server starts from, then what it sends, piece by piece.
+
+    The connection lives in a thread: a server may take its time byte by byte over the headers,
+    and a name server over the address, where no time limit of a socket helps.
+    """
+    received: queue.Queue[object] = queue.Queue(maxsize=4)
+    given_up = threading.Event()
+    threading.Thread(
+        target=_receive, args=(address, size, start, received, given_up), daemon=True
+    ).start()
+    try:
+        while True:
+            left = rate.left()
+            if left <= 0:
+                raise MirrorFailure(
+                    f"the server sent less than {SLOWEST_RATE:g} bytes a second for "
+                    f"{SLOW_WINDOW:g} s {_kept(partial, size)}"
+                )
+            try:
+                item = received.get(timeout=left)
+            except queue.Empty:
+                continue
+            if item is None:
+                return
+            if isinstance(item, Exception):
+                raise item
+            if isinstance(item, bytes):
+                rate.add(len(item))
+            yield item
+    finally:
+        given_up.set()
+
+
+def _receive(
+    address: str, size: int, start: int, received: queue.Queue, given_up: threading.Event
+) -> None:
+    """What one connection gives, into a queue: the first byte's place, pieces, None or an error."""
+
+    def hand_over(item: object) -> bool:
+        while not given_up.is_set():
+            with contextlib.suppress(queue.Full):
+                received.put(item, timeout=0.2)
+                return True
+        return False
+
+    try:
+        with _connect(address, start) as response:
+            place = start if response.status == 206 else 0
+            _check_answer(response, size, place)
+            going = hand_over(place)
+            while going and (piece := response.read1(CHUNK)):
+                going = hand_over(piece)
+        hand_over(None)
+    except MirrorFailure as failure:
+        hand_over(failure)
+    except urllib.error.HTTPError as error:
+        with error:
+            reason = f"HTTP status {error.code} {plain(error.reason)}".rstrip()
+        temporary = error.code >= 500 or error.code in (408, 429)
+        hand_over(_ConnectionLost(reason) if temporary else MirrorFailure(reason))
+    except (http.client.InvalidURL, ValueError) as error:
+        # Of an address such as http://[::1, of the server's or of a redirection.
+        hand_over(MirrorFailure(f"not an address of a file ({plain(error)})"))
+    except (OSError, http.client.HTTPException) as error:
+        text = getattr(error, "reason", None) or getattr(error, "strerror", None) or error
+        hand_over(_ConnectionLost(plain(text) or type(error).__name__))
+    except Exception as error:  # whatever an answer makes the library raise is the mirror's fault
+        hand_over(MirrorFailure(plain(f"{type(error).__name__}: {error}")))
+
+
+class _WebRedirects(urllib.request.HTTPRedirectHandler):
+    """Redirections to other web addresses only: urllib itself would follow one to ftp."""
+
+    def redirect_request(self, req, fp, code, msg, headers, newurl):
+        if not newurl.lower().startswith(("http://", "https://")):
+            raise MirrorFailure(f"the server redirects to {plain(newurl)}, which is no web page")
+        return super().redirect_request(req, fp, code, msg, headers, newurl)
+
+
+def _connect(address: str, start: int) -> http.client.HTTPResponse:
+    request = urllib.request.Request(address, headers={"User-Agent": "granbench"})
+    if start:
+        request.add_header("Range", f"bytes={start}-")
+    return urllib.request.build_opener(_WebRedirects).open(request, timeout=TIMEOUT)
+
+
+def _check_answer(response: http.client.HTTPResponse, size: int, start: int) -> None:
+    """Compare what the server announces with what was asked for, before anything is read."""
+    if response.status not in (200, 206):
+        raise MirrorFailure(f"HTTP status {response.status} {plain(response.reason)}".rstrip())
+    if response.headers.get_content_type() == "text/html":
+        raise MirrorFailure("the server sent a web page instead of the file")
+    if response.status == 206:
+        span = ", ".join(response.headers.get_all("Content-Range", []))
+        wanted = rf"bytes {start}-{size - 1}/({size}|\*)"
+        if not re.fullmatch(wanted, span.strip()):
+            raise MirrorFailure(
+                f"the server sends the range {plain(span)!r} instead of bytes {start} to "
+                f"{size - 1} of {size}"
+            )
+    if "chunked" in response.headers.get("Transfer-Encoding", "").lower():
+        return  # a length beside it has no meaning
+    lengths = {length.strip() for length in response.headers.get_all("Content-Length", [])}
+    if not lengths:
+        return
+    length = lengths.pop()
+    if lengths or not re.fullmatch(r"[0-9]{1,18}", length):
+        told = ", ".join(sorted({length, *lengths}))
+        raise MirrorFailure(f"the server gives {plain(told)!r} as the length of the file")
+    if start + int(length) != size:
+        raise MirrorFailure(f"the server's file has {start + int(length)} bytes instead of {size}")
+
+
+def plain(words: object) -> str:
+    """Somebody else's words for an error: one line, printable, and not long."""
+    text = "".join(character if character.isprintable() else " " for character in str(words))
+    text = " ".join(text.split())
+    return text if len(text) <= WORDS else text[:WORDS] + "..."

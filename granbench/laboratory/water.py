@@ -1,0 +1,134 @@
+"""The pore pressure of a test, from whatever its file and its user say of the water."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granbench.errors import DatasetError
+from granbench.laboratory.measured import Measured
+from granbench.laboratory.settings import ImportSettings
+
+Floats = NDArray[np.float64]
+
+AGREEMENT = 0.03
+"""Difference of two numbers for the same stress, as a share of its largest value, that rounding
+and the scatter of transducers explain."""
+
+READING = 1e3
+"""Pa; pressures are read to about 1 kPa."""
+
+
+@dataclass(frozen=True)
+class Water:
+    """What is known of the pore pressure.
+
+    Parameters
+    ----------
+    absolute : (row,), Pa, of the same zero as the total stresses; None where it is not known
+    change : (row,), Pa, above its first value; None where no pore pressure was measured
+    name : of the column or the option that it comes from; empty where there is none
+    question : what has to be answered before total stresses can be made effective
+    """
+
+    absolute: Floats | None = None
+    change: Floats | None = None
+    name: str = ""
+    question: str = ""
+
+    @property
+    def largest_change(self) -> float | None:
+        """Range of the measured pore pressure, Pa; None where it was not measured."""
+        return None if self.change is None else float(np.ptp(self.change))
+
+
+def agree(one: Floats, other: Floats) -> bool:
+    """Whether two series (row,) of a stress, Pa, are the same but for scatter."""
+    largest = max(float(np.abs(one).max()), float(np.abs(other).max()))
+    return bool(np.abs(one - other).max() <= AGREEMENT * largest + READING)
+
+
+def pore_pressure(
+    source: str, measured: dict[str, Measured], settings: ImportSettings, rows: int
+) -> Water:
+    """The pore pressure of a test.
+
+    Parameters
+    ----------
+    source : file, for error texts
+    measured : columns by quantity
+    settings : what the user says; a constant back pressure is of use here
+    rows : of the file
+
+    Raises
+    ------
+    DatasetError
+        Naming both, if two columns, or a column and an option, contradict each other.
+    """
+    absolute, excess = measured.get("pore_pressure"), measured.get("excess_pore_pressure")
+    back, back_name = _back_pressure(source, measured, settings, rows)
+    if absolute is not None and excess is not None:
+        changes = (m.values - m.values[0] for m in (absolute, excess))
+        if not agree(*changes):
+            raise DatasetError(
+                f"{source}: columns {absolute.header!r} and {excess.header!r} contradict each "
+                "other: the excess is not the change of the pore pressure; leave out the wrong one "
+                f"with --ignore {excess.header!r} or --ignore {absolute.header!r}"
+            )
+    if absolute is not None:
+        return _absolute(source, absolute, back, back_name)
+    if excess is not None:
+        change = excess.values - excess.values[0]
+        if back is not None:
+            name = f"{back_name} plus {excess.header!r}"
+            return Water(back[0] + excess.values, change, name)
+        question = (
+            f"column {excess.header!r} is an excess over a back pressure that the file does not "
+            "give; give it with --back-pressure PA (0 where the total stresses are counted from "
+            "the back pressure)"
+        )
+        return Water(None, change, repr(excess.header), question)
+    if back is not None:
+        return Water(back, None, back_name)
+    return Water()
+
+
+def _back_pressure(
+    source: str, measured: dict[str, Measured], settings: ImportSettings, rows: int
+) -> tuple[Floats | None, str]:
+    column, given = measured.get("back_pressure"), settings.back_pressure
+    if column is not None:
+        if given is not None and not agree(column.values, np.full(rows, given)):
+            raise DatasetError(
+                f"{source}: column {column.header!r} begins with {column.values[0]:g} Pa, but "
+                f"--back-pressure gives {given:g} Pa; leave out the option, or the column with "
+                f"--ignore {column.header!r}"
+            )
+        return column.values, repr(column.header)
+    if given is not None:
+        return np.full(rows, given), f"--back-pressure {given:g} Pa"
+    return None, ""
+
+
+def _absolute(source: str, column: Measured, back: Floats | None, back_name: str) -> Water:
+    """A column of pore pressure, which starts at the back pressure or was set to zero there."""
+    values, header = column.values, column.header
+    change = values - values[0]
+    if abs(values[0]) > READING + 0.01 * np.abs(values).max():
+        if back is not None and not agree(values[:1], back[:1]):
+            raise DatasetError(
+                f"{source}: column {header!r} begins with {values[0]:g} Pa, but the back pressure "
+                f"({back_name}) is {back[0]:g} Pa; a test starts at its back pressure: correct one "
+                "of them, or leave out the back pressure"
+            )
+        return Water(values, change, repr(header))
+    if back is not None:
+        # Zero at a back pressure above zero: the column is the excess, whatever its name.
+        name = f"{back_name} plus {header!r}" if back[0] > READING else repr(header)
+        return Water(back[0] + values, change, name)
+    question = (
+        f"column {header!r} begins with 0, which is either a pore pressure without a back pressure "
+        "or the excess over one; give the back pressure with --back-pressure PA (0 where there was "
+        "none, or where the total stresses are counted from it)"
+    )
+    return Water(None, change, repr(header), question)

@@ -1,0 +1,243 @@
+"""Numbers as people and programs write them: decimal commas, thousands separators, exponents.
+
+``1,058`` is one thousand and fifty-eight in one file and a little more than one in another. Such a
+cell is read where other cells of the column, or else of the table, show which mark is decimal; it
+is refused where they do not.
+"""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+Cell = str | float | None
+
+MISSING_WORDS = frozenset(
+    [
+        "nan",
+        "+nan",
+        "-nan",
+        "na",
+        "n/a",
+        "n.a.",
+        "#n/a",
+        "#na",
+        "null",
+        "none",
+        "-",
+        "--",
+        "---",
+        "–",
+        "—",
+        "?",
+        "inf",
+        "+inf",
+        "-inf",
+        "infinity",
+        "1.#qnan",
+        "-1.#ind",
+        "1.#inf",
+        "#div/0!",
+        "#num!",
+        "#value!",
+        "#ref!",
+        "#name?",
+        "#null!",
+        "overflow",
+        "ovf",
+        "ol",
+        "err",
+        "error",
+    ]
+)
+"""What programs write in place of a number that they do not have."""
+
+_CHARACTERS = str.maketrans(
+    {
+        "\N{MINUS SIGN}": "-", "\N{EN DASH}": "-", "\N{HYPHEN}": "-",
+        "\N{NON-BREAKING HYPHEN}": "-", "\N{FULLWIDTH HYPHEN-MINUS}": "-",
+        "\N{SMALL HYPHEN-MINUS}": "-",
+        "\N{NO-BREAK SPACE}": " ", "\N{NARROW NO-BREAK SPACE}": " ", "\N{THIN SPACE}": " ",
+        "\N{FIGURE SPACE}": " ", "\N{RIGHT SINGLE QUOTATION MARK}": "'", "\N{ACUTE ACCENT}": "'",
+        "\N{ZERO WIDTH NO-BREAK SPACE}": None, "\N{ZERO WIDTH SPACE}": None,
+    }
+)  # fmt: skip
+
+_EXPONENT = r"(?:[eEdDqQ][+-]?\d{1,4}|(?<=[\d.])[+-]\d{3})?"
+"""Fortran writes D+03 for double precision, and leaves the letter out of three-digit exponents."""
+_INTEGER = re.compile(r"[+-]?\d+(?:[eEdDqQ][+-]?\d{1,4})?", re.ASCII)
+_POINT = re.compile(rf"[+-]?(?:\d+\.\d*|\.\d+){_EXPONENT}", re.ASCII)
+_COMMA = re.compile(rf"[+-]?(?:\d+,\d+|,\d+){_EXPONENT}", re.ASCII)
+_OPEN = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", re.ASCII)
+"""A number whose only mark may be a decimal one or one that separates thousands."""
+_GROUPED = re.compile(
+    r"(?P<sign>[+-]?)(?P<head>[1-9]\d{0,2}(?P<mark>[ .,'])\d{3}(?:(?P=mark)\d{3})*)"
+    r"(?:(?P<decimal>[.,])(?P<tail>\d*))?",
+    re.ASCII,
+)
+_DATE = re.compile(
+    r"\d{1,4}[./-](?:\d{1,2}|[A-Za-z]{3,9}\.?)[./-]\d{1,4}(?:[T ]+\d{1,2}[:.h]\d{2}.*)?"
+    r"|\d{1,3}:\d{2}(?::\d{2})?(?:[.,:]\d+)?(?:\s*[AaPp]\.?[Mm]\.?)?",
+    re.ASCII,
+)
+_WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*\s*(?:%|‰|[A-Za-zµμ°][\w/^²³.%]{0,9})")
+
+
+def cleaned(text: str) -> str:
+    """A text without blanks around it, with the plain characters for minus, blank, apostrophe."""
+    return text.translate(_CHARACTERS).strip()
+
+
+def cell_kind(cell: Cell) -> str:
+    """What a cell is: ``number``, ``blank``, ``missing``, ``date``, ``with unit`` or ``text``.
+
+    A number may yet be one that is read in two ways.
+    """
+    if not isinstance(cell, str):
+        return "blank" if cell is None else "number"
+    text = cleaned(cell)
+    if not text:
+        return "blank"
+    if _marks(text) is not None:
+        return "number"
+    if text.lower() in MISSING_WORDS or set(text) == {"*"}:
+        return "missing"
+    if _DATE.fullmatch(text):
+        return "date"
+    return "with unit" if _WITH_UNIT.fullmatch(text) else "text"
+
+
+def _marks(text: str) -> str | None:
+    """The decimal mark that a number shows: ``.``, ``,``, none (empty), or ``?`` where it may be.
+
+    None where the text is not a number.
+    """
+    if _INTEGER.fullmatch(text):
+        return ""
+    if _OPEN.fullmatch(text):
+        return "?"
+    if _POINT.fullmatch(text):
+        return "."
+    if _COMMA.fullmatch(text):
+        return ","
+    if grouped := _GROUPED.fullmatch(text):
+        mark, decimal = grouped["mark"], grouped["decimal"]
+        if decimal is None:
+            return {",": ".", ".": ","}.get(mark, "")
+        return None if decimal == mark else decimal
+    return None
+
+
+@dataclass
+class DecimalMarks:
+    """The decimal marks that the cells of a column or a table show.
+
+    Parameters
+    ----------
+    shown : ``.`` and ``,`` with the first row that shows it
+    grouped : marks that are shown to separate thousands, by a cell that has them in both roles or
+        more than once
+    """
+
+    shown: dict[str, int] = field(default_factory=dict)
+    grouped: set[str] = field(default_factory=set)
+
+    @classmethod
+    def of(cls, cells: Iterable[Cell]) -> "DecimalMarks":
+        """What the cells show, counted by their rows."""
+        marks = cls()
+        for row, cell in enumerate(cells):
+            if not isinstance(cell, str) or not ("." in cell or "," in cell):
+                continue
+            text = cleaned(cell)
+            mark = _marks(text)
+            if mark in (".", ","):
+                marks.shown.setdefault(mark, row)
+                other = "," if mark == "." else "."
+                if other in text or text.count(other) > 1:
+                    marks.grouped.add(other)
+        return marks
+
+    def joined(self, other: "DecimalMarks") -> "DecimalMarks":
+        """The marks of both."""
+        return DecimalMarks(other.shown | self.shown, self.grouped | other.grouped)
+
+
+def number_of(cell: Cell, column: DecimalMarks, table: DecimalMarks) -> float | None:
+    """The number that a cell holds, or None where it holds none or one that is read in two ways.
+
+    Parameters
+    ----------
+    cell : as it stands in the file
+    column, table : the decimal marks that the column's cells, and those of all columns, show
+    """
+    if not isinstance(cell, str):
+        return cell
+    text = cleaned(cell)
+    mark = _marks(text)
+    if mark is None:
+        return None
+    if mark == "?":
+        mark = _decimal_mark("." if "." in text else ",", column, table)
+        if mark is None:
+            return None
+    elif mark and len(column.shown) > 1:
+        return None
+    if mark == ",":
+        text = text.replace(".", "").replace(",", ".")
+    elif mark == ".":
+        text = text.replace(",", "")
+    return _as_float(text.replace(" ", "").replace("'", ""))
+
+
+def _decimal_mark(mark: str, column: DecimalMarks, table: DecimalMarks) -> str | None:
+    """Which mark is decimal where a number with `mark` alone can be read in two ways."""
+    marks = column if column.shown or column.grouped else table
+    if len(marks.shown) > 1:
+        return None
+    (decimal,) = marks.shown or ("",)
+    if mark == ".":
+        # A point is decimal unless the file has decimal commas, and then it may be either.
+        if decimal != ",":
+            return "."
+        return "," if "." in marks.grouped or "." in table.grouped else None
+    return decimal or None
+
+
+def _as_float(text: str) -> float:
+    lowered = text.lower().replace("d", "e").replace("q", "e")
+    if "e" not in lowered and (bare := re.fullmatch(r"(.*[\d.])([+-]\d{3})", lowered)):
+        lowered = f"{bare[1]}e{bare[2]}"
+    return float(lowered)
+
+
+def why_no_number(cell: Cell, column: Sequence[Cell]) -> str:
+    """What is wrong with a cell that `number_of` gives no number for, and what to do.
+
+    Parameters
+    ----------
+    cell : of the column
+    column : all of its cells
+    """
+    if cell is None or (isinstance(cell, str) and not cleaned(cell)):
+        return "is empty; fill the cell or remove the row"
+    text = cleaned(str(cell))
+    mark = _marks(text)
+    mixed = len(DecimalMarks.of(column).shown) > 1
+    if mark == "?" and "," in text:
+        return (
+            f"holds {str(cell)!r}, which may be {text.replace(',', '')} or "
+            f"{text.replace(',', '.')}: does the comma separate thousands, or is it decimal? Write "
+            f"{text.replace(',', '')} or, for the other, {text}0"
+        )
+    if mark is not None and (mixed or mark == "?"):
+        return (
+            f"holds {str(cell)!r} among numbers with "
+            f"{'both decimal points and decimal commas' if mixed else 'decimal commas'}: what does "
+            "the mark mean? Write all numbers with decimal points and without thousands separators"
+        )
+    if cell_kind(cell) == "with unit":
+        return (
+            f"holds {str(cell)!r}, which is not a number; write the unit into the header and the "
+            "number alone into the cell"
+        )
+    return f"holds {str(cell)!r}, which is not a finite number; fix the cell or remove the row"

@@ -1,0 +1,122 @@
+"""Which points of a curve must not be left out where it is thinned: those where it turns round.
+
+A cyclic test that is thinned evenly loses its reversals; what is driven along the rest unloads
+late, too little or not at all, and answers with other stiffnesses.
+"""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+NOISE_MARGIN = 4.0
+"""Standard deviations of the noise within which a change of direction is noise."""
+
+DRIVEN_BOUNDS = (1e-4, 0.02)
+ANSWER_BOUNDS = (5e-3, 0.1)
+"""Least and greatest change of direction, as a share of the scale, that counts as a reversal: of
+what drives a test, small loops count as well."""
+
+WHITE = 0.6745 * 6.0**0.5
+"""Median size of a second difference of white noise of standard deviation one."""
+
+
+def noise(series: Floats) -> float:
+    """Standard deviation of the white noise on a smooth series (row,)."""
+    if len(series) < 3:
+        return 0.0
+    return float(np.median(np.abs(np.diff(series, 2)))) / WHITE
+
+
+def reversals(series: Floats, least: float) -> Rows:
+    """Rows at which a series (row,) turns round by more than `least`, first and last not counted.
+
+    A row counts once the series has gone back from it by more than `least`.
+    """
+    found: list[int] = []
+    low = high = 0
+    rising: bool | None = None
+    for row in range(1, len(series)):
+        value = series[row]
+        if rising is not False and value >= series[high]:
+            high = row
+        if rising is not True and value <= series[low]:
+            low = row
+        if rising is not False and series[high] - value > least:
+            if high:
+                found.append(high)
+            rising, low = False, row
+        elif rising is not True and value - series[low] > least:
+            if low:
+                found.append(low)
+            rising, high = True, row
+    return np.array(found, dtype=np.int64)
+
+
+def turning_rows(
+    driving: Iterable[tuple[Floats, float]], answers: Iterable[tuple[Floats, float]]
+) -> Rows:
+    """Rows of a record that every thinning has to keep, the first and the last among them.
+
+    Parameters
+    ----------
+    driving : what is prescribed, each (row,) with its scale: the range that makes a change large
+    answers : what is measured, likewise; series with NaN are left out
+    """
+    kept: set[int] = set()
+    rows = 1
+    for series_of, (lower, upper) in ((driving, DRIVEN_BOUNDS), (answers, ANSWER_BOUNDS)):
+        for series, scale in series_of:
+            rows = len(series)
+            if scale > 0.0 and np.isfinite(series).all():
+                least = min(max(NOISE_MARGIN * noise(series), lower * scale), upper * scale)
+                kept |= set(reversals(series, least).tolist())
+    return np.array(sorted(kept | {0, rows - 1}), dtype=np.int64)
+
+
+def spread_places(lengths: Floats, kept: Rows, count: int) -> Floats:
+    """Places (n,), in rows, that lie evenly along a curve and hold all rows that must be kept.
+
+    Parameters
+    ----------
+    lengths : (row,), of the curve up to each row, growing
+    kept : sorted rows, first and last among them
+    count : of the places; n is larger where more must be kept
+    """
+    extra = count - len(kept)
+    if extra <= 0:
+        return kept.astype(float)
+    rows = np.arange(len(lengths))
+    shares = np.diff(lengths[kept])
+    quota = extra * shares / shares.sum()
+    between = np.floor(quota).astype(int)
+    rest = np.argsort(between - quota, kind="stable")[: extra - int(between.sum())]
+    between[rest] += 1
+    parts: list[Floats] = []
+    for begin, end, number in zip(kept[:-1], kept[1:], between, strict=True):
+        wanted = np.linspace(lengths[begin], lengths[end], number + 2)[:-1]
+        parts.append(np.concatenate([[begin], np.interp(wanted[1:], lengths, rows)]))
+    return np.concatenate([*parts, [float(kept[-1])]])
+
+
+def spread_rows(lengths: Floats, kept: Rows, count: int) -> Rows:
+    """Like `spread_places`, but whole rows, of which some may coincide; sorted, each once."""
+    return np.unique(np.rint(spread_places(lengths, kept, count))).astype(np.int64)
+
+
+def shown_rows(x: Sequence[float] | Floats, y: Sequence[float] | Floats, count: int) -> list[int]:
+    """Rows of a curve that are marked in a figure: about `count`, and every reversal.
+
+    Parameters
+    ----------
+    x, y : (row,); rows at which one is not finite are not counted
+    """
+    known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    if len(known) <= count:
+        return [int(row) for row in known]
+    parts = [np.asarray(part, dtype=float)[known] for part in (x, y)]
+    kept = turning_rows((), [(part, float(np.ptp(part))) for part in parts])
+    return [int(row) for row in known[spread_rows(np.arange(len(known)) * 1.0, kept, count)]]

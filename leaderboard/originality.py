@@ -1,0 +1,244 @@
+"""Copies and near-copies: of the truth, of another row, and of one model under several seeds.
+
+Predictions are compared as numbers, rounded as a predictions file stores them: another attribute,
+one changed value or another order of the seeds makes no new model. What is found needs a
+maintainer's word before the board takes it. A classical model that is run again is exempt: fitted
+to the records of its own law it gives them again, honestly.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from granbench.axes import COST, EMBEDDED, PROTOCOLS
+from granbench.data.normalisation import Normalisation
+from granbench.data.replicates import replicate_scatter
+from granbench.errors import DatasetError
+from granbench.models import MODELS
+from granbench.predictions import evaluated, quantise
+from granbench.scoring import Score
+from granbench.scoring.statistics import CEILING, align
+
+ROLLOUT = "rollout"
+CLEAN = tuple(spec.name for spec in PROTOCOLS.values() if not spec.noise)
+"""Protocols whose predictions do not depend on the seed of the noise."""
+
+IDENTICAL_SHARE = 0.5
+"""Of the stored values of whole paths, from which on two predictions are one. Two honest models
+share a value to 15 bits about once in ten thousand times their relative error."""
+
+EXTRAORDINARY = 1e-6
+"""Mean squared error of whole paths, in training variances, below which a model needs a
+maintainer's word: a thousandth of a standard deviation along paths that it never saw. The networks
+on the board reach 1e-3; what comes lower has so far been the law that made the records, or the
+records."""
+
+CLOSER = 0.01
+"""Mean square of the difference of two models over that of their errors, below which one is a copy
+of the other: ten times nearer to each other than to the truth."""
+
+WHITE = 0.3
+"""Correlation of the errors of neighbouring steps below which they are noise added to the truth.
+A model's error grows and turns along a path: it is above 0.9 for every row of the board."""
+
+SAME_SCORE = 1e-3
+"""Relative difference of two scores that are of one model."""
+
+
+@dataclass(frozen=True)
+class Errors:
+    """What a model predicted of whole paths, in training standard deviations.
+
+    Parameters
+    ----------
+    predicted : (seed, path, step, component), as stored, Pa; NaN where a run broke down
+    true : (path, step, component), rounded alike
+    error : their difference over the training standard deviation, at most `CEILING`
+    paths : names, in the order of the axis
+    """
+
+    predicted: np.ndarray
+    true: np.ndarray
+    error: np.ndarray
+    paths: tuple[str, ...]
+
+
+def errors_of(predictions: xr.Dataset, records: xr.Dataset) -> Errors | None:
+    """Errors of the whole-path rollout; None where it was left out.
+
+    Parameters
+    ----------
+    predictions : see `granbench.predictions`
+    records : the whole dataset of the task
+    """
+    if "stress" not in predictions or ROLLOUT not in predictions["protocol"].values:
+        return None
+    truth = align(evaluated(records), predictions)
+    order = np.argsort(truth["path_id"].values.astype(str))
+    scale = Normalisation.from_training(records).std["stress"]
+    stress = predictions["stress"].sel(protocol=ROLLOUT).values[:, order, 1:]
+    predicted = quantise(stress).astype(np.float64)
+    true = quantise(truth["stress"].values[order][:, 1:]).astype(np.float64)
+    error = np.clip((predicted - true) / scale, -CEILING, CEILING)
+    names = tuple(truth["path_id"].values[order].astype(str))
+    return Errors(predicted, true, np.nan_to_num(error, nan=CEILING), names)
+
+
+def is_classical(baseline: str | None) -> bool:
+    """Whether a model that is run again is a classical law, with parameters fitted or given.
+
+    Parameters
+    ----------
+    baseline : of the submission's model; None where its file holds parameters
+    """
+    if baseline is None:
+        return True
+    from granbench.baseline import find_baseline
+
+    return getattr(find_baseline(baseline), "model", None) in MODELS
+
+
+def copied_protocols(predictions: xr.Dataset, records: xr.Dataset) -> Iterator[str]:
+    """Protocols whose stored values are mostly those of the truth, with the share.
+
+    Parameters
+    ----------
+    predictions : see `granbench.predictions`
+    records : the whole dataset of the task
+    """
+    if "stress" not in predictions:
+        return
+    true = quantise(align(evaluated(records), predictions)["stress"].values)
+    for name in predictions["protocol"].values:
+        mine = predictions["stress"].sel(protocol=name).values
+        truths = [true]
+        if "noised_truth" in predictions and name in predictions["noise"].values:
+            truths.append(predictions["noised_truth"].sel(noise=name).values)
+        for truth in truths:
+            same = float((mine == truth)[..., 1:, :].mean())
+            if same > IDENTICAL_SHARE:
+                yield f"{100.0 * same:.3g} % of its stresses under {name} are those of the truth"
+
+
+def near_truth(errors: Errors, records: xr.Dataset) -> Iterator[str]:
+    """Why predictions are too near to the truth to be a model's, each in a clause.
+
+    Parameters
+    ----------
+    errors : of the predictions
+    records : the whole dataset of the task
+    """
+    mse = float((errors.error**2).mean(axis=(1, 2, 3)).min())
+    floor = _floor(records)
+    if mse < floor:
+        yield (
+            f"its mean squared error along whole paths, {mse:.2g}, is below {floor:.2g}, what "
+            "packings made alike differ by or a thousandth of a standard deviation leaves"
+        )
+    elif (left := _left_of_scaled_truth(errors)) < EXTRAORDINARY:
+        yield f"it is the records times a factor, but for a mean square of {left:.2g}"
+    elif (correlation := _along_the_path(errors.error)) < WHITE:
+        yield (
+            "its errors look like noise added to the records: those of neighbouring steps have a "
+            f"correlation of {correlation:.2g}"
+        )
+
+
+def _floor(records: xr.Dataset) -> float:
+    try:
+        return max(EXTRAORDINARY, replicate_scatter(records).floor_mse)
+    except DatasetError:
+        return EXTRAORDINARY
+
+
+def _left_of_scaled_truth(errors: Errors) -> float:
+    """Mean square of what a factor and a constant for each component do not explain, least seed."""
+    axes = (0, 1)
+    true = errors.true - errors.true.mean(axis=axes)
+    scale = np.sqrt((true**2).mean(axis=axes))
+    left = []
+    for predicted in np.nan_to_num(errors.predicted):
+        centred = predicted - predicted.mean(axis=axes)
+        factor = (centred * true).mean(axis=axes) / np.maximum((true**2).mean(axis=axes), 1e-300)
+        rest = (centred - factor * true) / np.where(scale > 0.0, scale, 1.0)
+        left.append(float((rest**2).mean()))
+    return min(left)
+
+
+def _along_the_path(error: np.ndarray) -> float:
+    """Correlation of the errors (seed, path, step, component) of neighbouring steps."""
+    square = (error[:, :, 1:] ** 2).sum() * (error[:, :, :-1] ** 2).sum()
+    return float((error[:, :, 1:] * error[:, :, :-1]).sum() / np.sqrt(square)) if square else 1.0
+
+
+def copied_seeds(one: Errors, other: Errors) -> list[tuple[int, int]]:
+    """Pairs of positions of seeds, one of each, whose predictions are those of one model.
+
+    Parameters
+    ----------
+    one, other : errors of the same paths; may be the same object, then of different seeds
+    """
+    if one.error.shape[1:] != other.error.shape[1:] or one.paths != other.paths:
+        return []
+    return [
+        (first, second)
+        for first in range(len(one.error))
+        for second in range(len(other.error))
+        if (one is not other or first < second) and _copies(one, first, other, second)
+    ]
+
+
+def _copies(one: Errors, first: int, other: Errors, second: int) -> bool:
+    mine, theirs = one.error[first], other.error[second]
+    if (one.predicted[first] == other.predicted[second]).mean() > IDENTICAL_SHARE:
+        return True
+    smaller = min(float((mine**2).mean()), float((theirs**2).mean()))
+    return float(((mine - theirs) ** 2).mean()) < CLOSER * smaller
+
+
+def same_scores(one: Sequence[Score], other: Sequence[Score]) -> bool:
+    """Whether two scorecards are of one model, as far as the errors of its seeds tell.
+
+    For rows without predictions: the mean errors along recorded paths, of every protocol without
+    noise, split, family and component, of any seed of the one and any of the other.
+    """
+    mine, theirs = _mean_errors(one), _mean_errors(other)
+    shared = sorted(mine.keys() & theirs.keys())
+    if len(shared) < 3 or not any(value for key in shared for value in mine[key]):
+        return False
+    first = np.array([mine[key] for key in shared])
+    second = np.array([theirs[key] for key in shared])
+    size = np.maximum(np.abs(first[:, :, None]), np.abs(second[:, None, :]))
+    difference = np.abs(first[:, :, None] - second[:, None, :]) / np.where(size > 0.0, size, 1.0)
+    return bool((np.median(difference, axis=0) < SAME_SCORE).any())
+
+
+def _mean_errors(scores: Sequence[Score]) -> dict[tuple[str, ...], tuple[float, ...]]:
+    return {
+        score.key: score.by_seed
+        for score in scores
+        if score.status == "scored"
+        and score.protocol in CLEAN
+        and score.metric.endswith("mse_mean")
+        and score.by_seed
+    }
+
+
+def is_deterministic(scores: Sequence[Score]) -> bool:
+    """Whether a model has one answer for all of its seeds, which then only drive the noise.
+
+    Parameters
+    ----------
+    scores : of a submission; where it has one seed alone, nothing is known
+    """
+    compared = [
+        score.by_seed
+        for score in scores
+        if score.status == "scored"
+        and (score.protocol in CLEAN or (score.axis == EMBEDDED and "speed" not in score.metric))
+        and score.axis != COST
+    ]
+    several = [values for values in compared if len(values) > 1]
+    return bool(several) and all(len(set(values)) == 1 for values in several)

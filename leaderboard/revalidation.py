@@ -1,0 +1,188 @@
+"""Validate rows of the board again: those that a change touches, or all of them.
+
+A row counts as touched where it, apart from its seal, or a file beside it differs from an earlier
+commit. What was found valid is written down, so that an interrupted run goes on where it stopped.
+"""
+
+import json
+import subprocess
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from granbench import __version__
+from granbench.errors import ConfigurationError, GranbenchError, SubmissionError
+from granbench.leaderboard.admission import examine
+from granbench.leaderboard.rerunning import Progress
+from granbench.leaderboard.rows import Row, accepted
+from granbench.leaderboard.sealing import require_seal, row_digest
+from granbench.leaderboard.submission import Submission
+from granbench.scoring import METRIC_VERSION
+from granbench.whole_file import whole_file
+
+BRANCHES = ("origin/main", "main")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one row.
+
+    Parameters
+    ----------
+    file : of the row
+    complaint : None where it is valid
+    known : whether an earlier run had found it valid
+    """
+
+    file: Path
+    complaint: str | None = None
+    known: bool = False
+
+
+def revalidate(
+    rows: Sequence[Row],
+    folder: Path,
+    state: Path | None = None,
+    progress: Callable[[Row], Progress | None] | None = None,
+) -> Iterator[Outcome]:
+    """Validate rows one after the other.
+
+    Parameters
+    ----------
+    rows : of the board
+    folder : the board's
+    state : file in which valid rows are written down; None to write nothing down
+    progress : called with a row before it is validated, for what `examine` calls
+
+    Returns
+    -------
+    The outcome of each, as soon as it is known
+    """
+    done = _read(state)
+    for row in rows:
+        try:
+            digest = f"{METRIC_VERSION} {row_digest(row.submission, row.file.parent)}"
+            if digest in done:
+                yield Outcome(row.file, known=True)
+                continue
+            complaint = _complaint(row, folder, progress(row) if progress else None)
+        except GranbenchError as error:
+            complaint = str(error)
+        if complaint is None and state is not None:
+            done.add(digest)
+            _write(state, done)
+        yield Outcome(row.file, complaint)
+
+
+def _complaint(row: Row, folder: Path, progress: Progress | None) -> str | None:
+    require_seal(row.submission, row.file)
+    examination = examine(row.file, folder, progress=progress)
+    stored = row.submission
+    if examination.submission.badge != stored.badge:
+        return f"{row.file}: its badge is {stored.badge!r}, not {examination.submission.badge!r}"
+    accepted_by_word = stored.acceptance is not None and stored.acceptance.word is not None
+    for objection in examination.objections:
+        if objection.flagged and not accepted_by_word:
+            return f"{row.file}: {objection.text}"
+    return None
+
+
+def touched(folder: Path, since: str | None = None) -> list[Row]:
+    """The rows of a board in a git checkout that differ from an earlier commit.
+
+    Parameters
+    ----------
+    folder : the board's
+    since : commit to compare with; by default where the branch left `main`, or on `main` itself the
+        commit before
+
+    Raises
+    ------
+    ConfigurationError
+        If the board is not in a git checkout, or there is no such commit.
+    """
+    top = Path(_git(folder, "rev-parse", "--show-toplevel"))
+    base = _commit(folder, since)
+    if base is None:
+        return accepted(folder)  # the first commit: everything is new
+    inside = folder.resolve().relative_to(top.resolve())
+    changed = _git(top, "diff", "--name-only", "-z", base, "--", str(inside)).split("\0")
+    new = _git(top, "ls-files", "--others", "--exclude-standard", "-z", "--", str(inside))
+    names = {name for name in [*changed, *new.split("\0")] if name}
+    return [row for row in accepted(folder) if _differs(row, top, base, names)]
+
+
+def _differs(row: Row, top: Path, base: str, names: set[str]) -> bool:
+    place = row.file.resolve().relative_to(top.resolve())
+    beside = (str(place.with_suffix(".nc")), f"{place.with_suffix('.model')}/")
+    if any(name == beside[0] or name.startswith(beside[1]) for name in names):
+        return True
+    if str(place) not in names:
+        return False
+    try:
+        content = json.loads(_git(top, "show", f"{base}:{place.as_posix()}"))
+        before = Submission.model_validate(content)
+    except (ConfigurationError, ValueError):
+        return True
+    return _unsealed(before) != _unsealed(row.submission)
+
+
+def _unsealed(submission: Submission) -> Submission:
+    """A row without its digest; a maintainer's word stays."""
+    acceptance = submission.acceptance
+    word = acceptance.word if acceptance else None
+    if acceptance is None or word is None:
+        return submission.model_copy(update={"acceptance": None})
+    return submission.model_copy(
+        update={"acceptance": acceptance.model_copy(update={"digest": "0" * 64})}
+    )
+
+
+def _commit(folder: Path, since: str | None) -> str | None:
+    if since is not None:
+        return _git(folder, "rev-parse", "--verify", f"{since}^{{commit}}")
+    head = _git(folder, "rev-parse", "HEAD")
+    for branch in BRANCHES:
+        try:
+            base = _git(folder, "merge-base", "HEAD", branch)
+        except ConfigurationError:
+            continue
+        if base != head:
+            return base
+    try:
+        return _git(folder, "rev-parse", "--verify", "HEAD~1")
+    except ConfigurationError:
+        return None
+
+
+def _git(folder: Path, *arguments: str) -> str:
+    command = ["git", "-C", str(folder), *arguments]
+    try:
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+    except FileNotFoundError as error:
+        raise ConfigurationError("git is missing; install it to find changed rows") from error
+    except subprocess.CalledProcessError as error:
+        first = (error.stderr.strip().splitlines() or ["no reason given"])[0]
+        raise ConfigurationError(
+            f"git {arguments[0]} failed in {folder} ({first}); give a commit of this checkout"
+        ) from error
+    return done.stdout.strip()
+
+
+def _read(state: Path | None) -> set[str]:
+    if state is None or not state.exists():
+        return set()
+    try:
+        content = json.loads(state.read_text(encoding="utf-8"))
+        valid = content["valid"]
+        return set(map(str, valid)) if content["granbench"] == __version__ else set()
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise ConfigurationError(
+            f"{state} is not a list of validated rows ({error}); remove it to begin anew"
+        ) from error
+
+
+def _write(state: Path, done: set[str]) -> None:
+    content = {"granbench": __version__, "valid": sorted(done)}
+    with whole_file(state, SubmissionError) as partial:
+        partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
