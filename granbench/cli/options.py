@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import typer
+
 from granbench.cli.printing import note
 from granbench.errors import ConfigurationError
 from granbench.plausible import LARGEST_SEED
