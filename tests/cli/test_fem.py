@@ -270,7 +270,10 @@ def test_interrupted_run_keeps_its_output_so_far(fem, cell, code):
         (("biaxial", "--cell", "j2", "--choose", "cycles=many"), ["choose monotonic or cyclic"]),
         (("biaxial", "--cell", "j2", "--choose", "speed=fast"), ["speed=fast: give a number"]),
         (("biaxial", "--cell", "j2", "--choose", "wall=rough"), ["no choice of 'wall'"]),
-        (("biaxial", "--cell", "j2", "--choose", "end_strain=10"), ["end_strain is 10", "0.1 is 10 %"]),
+        (
+            ("biaxial", "--cell", "j2", "--choose", "end_strain=10"),
+            ["end_strain is 10", "0.1 is 10 %"],
+        ),
         (
             ("biaxial", "--cell", "j2", "--choose", "confinement=100"),
             ["confinement is 100 Pa", "1e5 is 100 kPa"],
