@@ -1,8 +1,7 @@
 """SoilModels: the laboratory protocol (.xlsx) and the smoothed or raw paths made from it (.npz).
 
-The protocol has a sheet for each drained triaxial test, named CID-...: the initial void ratio in
-B1, headers in row 2, numbers below. Sheets of oedometer tests (OED-...) give no lateral stress,
-so that no stress path can be made of them; they are left out.
+The protocol has a sheet for each drained triaxial test, named CID-..., and for each oedometer test,
+named OED-...: the initial void ratio in B1, headers in row 2, numbers below.
 """
 
 from collections.abc import Mapping
@@ -21,9 +20,11 @@ from granbench.paths.tables import Column, Table
 from granbench.plausible import VOID_RATIOS
 from granbench.units import split_header
 
-KIND = "triaxial-drained"
-SHEETS = "CID"
-OEDOMETER_SHEETS = "OED"
+DRAINED = "triaxial-drained"
+KINDS_BY_SHEET = {"CID": DRAINED, "OED": "oedometer"}
+"""Kind of test by the beginning of a sheet's name."""
+SAME_VOID_RATIO = 5e-3
+"""Difference within which two statements of a void ratio are one, rounded."""
 PASCALS_PER_KILOPASCAL = 1e3
 GRAIN_DENSITY = 2650.0
 """kg/m3: the protocol of the Dobrany sand gives a specific gravity of 2.65."""
@@ -31,13 +32,17 @@ GRAIN_DENSITY = 2650.0
 
 def is_protocol(sheets: Mapping[str, Rows]) -> bool:
     """Whether a workbook is a protocol, by the names of its sheets."""
-    return any(name.startswith((SHEETS, OEDOMETER_SHEETS)) for name in sheets)
+    return any(_kind(name) is not None for name in sheets)
+
+
+def _kind(sheet: str) -> str | None:
+    return next((kind for start, kind in KINDS_BY_SHEET.items() if sheet.startswith(start)), None)
 
 
 def read_protocol(
     path: Path, sheets: Mapping[str, Rows], settings: ImportSettings
 ) -> list[LaboratoryTest]:
-    """The drained triaxial tests of a protocol.
+    """Read the triaxial and oedometer tests of a protocol.
 
     Parameters
     ----------
@@ -47,18 +52,18 @@ def read_protocol(
     Raises
     ------
     DatasetError
-        If there is no sheet of such a test, or see `assemble`.
+        If a sheet contradicts the settings, or see `assemble`.
     """
-    tests = {name: rows for name, rows in sheets.items() if name.startswith(SHEETS)}
-    if not tests:
-        raise DatasetError(
-            f"{path}: has no sheet whose name begins with {SHEETS}; export the sheet of your test "
-            "as CSV"
-        )
-    return [_sheet_test(path, name, rows, settings) for name, rows in tests.items()]
+    return [
+        _sheet_test(path, name, rows, settings, kind)
+        for name, rows in sheets.items()
+        if (kind := _kind(name)) is not None
+    ]
 
 
-def _sheet_test(path: Path, name: str, rows: Rows, settings: ImportSettings) -> LaboratoryTest:
+def _sheet_test(
+    path: Path, name: str, rows: Rows, settings: ImportSettings, kind: str
+) -> LaboratoryTest:
     source = f"{path}, sheet {name}"
     headers = [str(header or "") for header in rows.get(2, [])]
     numbers = {n: cells for n, cells in rows.items() if n > 2 and any(c is not None for c in cells)}
@@ -68,20 +73,28 @@ def _sheet_test(path: Path, name: str, rows: Rows, settings: ImportSettings) -> 
         columns.append(Column(header, *split_header(header), cells))
     start = rows.get(1, [])
     void_ratio = start[1] if len(start) > 1 else None
-    if settings.initial_void_ratio is None and isinstance(void_ratio, float):
+    if isinstance(void_ratio, float):
         settings = _with_void_ratio(settings, void_ratio, source, "cell B1")
     table = Table(source, [f"row {number}" for number in numbers], columns)
-    return assemble(table, settings, name, KIND)
+    return assemble(table, settings, name, kind)
 
 
 def _with_void_ratio(
     settings: ImportSettings, value: float, source: str, place: str
 ) -> ImportSettings:
     least, greatest = VOID_RATIOS
+    given = settings.initial_void_ratio
     if not least <= value <= greatest:
+        if given is not None:
+            return settings
         raise DatasetError(
             f"{source}: gives an initial void ratio of {value:g} ({place}); correct it, or "
             "give another with --e0"
+        )
+    if given is not None and abs(given - value) > SAME_VOID_RATIO:
+        raise DatasetError(
+            f"{source}: gives an initial void ratio of {value:.4g} ({place}), but --e0 is {given:g}; "
+            "leave out --e0, or correct the file"
         )
     return ImportSettings(**(vars(settings) | {"initial_void_ratio": value}))
 
@@ -140,13 +153,13 @@ def read_paths(
         )
         density = float(arrays["a2"][start, place, 0])
         chosen = settings
-        if settings.initial_void_ratio is None:
-            if not density > 0.0:
-                raise DatasetError(
-                    f"{table.source}: array 'a2' gives a density of {density:g} kg/m3; correct it, "
-                    "or give the void ratio with --e0"
-                )
+        if density > 0.0:
             void_ratio = GRAIN_DENSITY / density - 1.0
             chosen = _with_void_ratio(settings, void_ratio, table.source, "from array a2")
-        tests.append(assemble(table, chosen, f"{path.stem}-{place + 1}", KIND))
+        elif settings.initial_void_ratio is None:
+            raise DatasetError(
+                f"{table.source}: array 'a2' gives a density of {density:g} kg/m3; correct it, "
+                "or give the void ratio with --e0"
+            )
+        tests.append(assemble(table, chosen, f"{path.stem}-{place + 1}", DRAINED))
     return tests

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from laboratory_files import drained_curve, write_csv, write_karlsruhe, write_protocol
 
+from granbench.errors import DatasetError
 from granbench.laboratory import ImportSettings, LaboratoryTest, read_tests, to_records
 from granbench.records import open_records, validate_records, write_records
 
@@ -137,6 +138,15 @@ def test_soilmodels_protocols_are_read(tmp_path: Path) -> None:
     np.testing.assert_allclose(test.void_ratio, drained_curve()["e"], atol=ROUNDED)
 
 
+def test_void_ratio_of_a_protocol_is_not_overridden(tmp_path: Path) -> None:
+    path = write_protocol(tmp_path / "protocol.xlsx", drained_curve())
+    stated = drained_curve()["e"][0]
+    (test,) = read_tests(path, ImportSettings(initial_void_ratio=stated))
+    assert test.initial_void_ratio == pytest.approx(stated)
+    with pytest.raises(DatasetError, match=r"cell B1.*--e0 is"):
+        read_tests(path, ImportSettings(initial_void_ratio=stated + 0.1))
+
+
 def test_soilmodels_paths_are_read_with_their_odd_signs(tmp_path: Path) -> None:
     curve = drained_curve()
     dilation, axial = -curve["epsv"] / 100.0, curve["eps1"] / 100.0
@@ -254,7 +264,9 @@ def test_published_files_hold_what_their_authors_say(shared_data: Path) -> None:
         np.testing.assert_allclose(test.volumetric_strain, -np.log(specific), atol=1e-7)
 
     dobrany = shared_data / "dobrany_sand_soilmodels"
-    protocol = read_tests(dobrany / "SoilModels-labProtocol-Sand.xlsx")
+    oedometer, *protocol = read_tests(dobrany / "SoilModels-labProtocol-Sand.xlsx")
+    assert oedometer.kind == "oedometer"
+    assert oedometer.initial_void_ratio == pytest.approx(0.99609, rel=1e-4)
     assert [round(test.stress[-1, 2]) for test in protocol] == [50000, 100000, 200000]
     for measured, path in zip(protocol, read_tests(dobrany / "data_CID_raw.npz"), strict=True):
         assert path.initial_void_ratio == pytest.approx(measured.initial_void_ratio, rel=1e-5)
@@ -262,9 +274,9 @@ def test_published_files_hold_what_their_authors_say(shared_data: Path) -> None:
         volume = np.interp(path.axial_strain, measured.axial_strain, measured.volumetric_strain)
         np.testing.assert_allclose(path.volumetric_strain, volume, atol=1e-3)
 
-    oedometer = read_tests(shared_data / "grainlearning_oedometer" / "oedo_sims_even.npz")
-    assert len(oedometer) == 200
-    for run in oedometer:
+    simulated = read_tests(shared_data / "grainlearning_oedometer" / "oedo_sims_even.npz")
+    assert len(simulated) == 200
+    for run in simulated:
         assert run.void_ratio is not None
         specific = (1.0 + run.void_ratio) / (1.0 + run.void_ratio[0])
         np.testing.assert_allclose(run.volumetric_strain, -np.log(specific), atol=1e-6)
