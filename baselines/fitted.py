@@ -31,6 +31,7 @@ from granbench.cell import MaterialCell
 from granbench.data.adapters import conditions_of, history_of
 from granbench.data.splits import select_split
 from granbench.errors import ConfigurationError, ModelError
+from granbench.folder_lock import locked_folder
 from granbench.models import find_model
 from granbench.models.parameter_file import write_parameters
 from granbench.tensors import component_order
@@ -94,6 +95,10 @@ class FittedBaseline:
             raise ConfigurationError(
                 f"unknown preset {preset!r} of {self.name!r}; use {', '.join(self.presets)}"
             )
+        with locked_folder(request.out, ModelError):
+            return self._fit(request, preset)
+
+    def _fit(self, request: TrainingRequest, preset: str) -> Path:
         recipe, records = self.settings[preset], request.records
         about = {**identity_of(records), "preset": preset, "seed": request.seed}
         if self._finished(request.out, about):

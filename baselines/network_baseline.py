@@ -26,6 +26,7 @@ from granbench.baselines.training.model_files import (
 from granbench.cell import MaterialCell
 from granbench.data.splits import select_split
 from granbench.errors import ConfigurationError, ModelError
+from granbench.folder_lock import locked_folder
 from granbench.records import content_hashes, dataset_hash
 
 
@@ -118,30 +119,36 @@ class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
             torch.backends.cudnn.allow_tf32 = False
         validation = select_split(records, "validation")
         trained_on = identity_of(records)
-        outcome = train(
-            network,
-            self.source(network, training, device),
-            self.source(network, validation, device),
-            recipe=recipe,
-            limits=Limits(epochs=request.epochs, seconds=request.seconds),
-            seed=request.seed,
-            folder=request.out,
-            fingerprint={
-                "baseline": self.name,
-                "configuration": configuration.as_dict(),
+        with locked_folder(request.out, ModelError):
+            outcome = train(
+                network,
+                self.source(network, training, device),
+                self.source(network, validation, device),
+                recipe=recipe,
+                limits=Limits(epochs=request.epochs, seconds=request.seconds),
+                seed=request.seed,
+                folder=request.out,
+                fingerprint={
+                    "baseline": self.name,
+                    "configuration": configuration.as_dict(),
+                    **trained_on,
+                },
+                on_epoch=request.on_epoch,
+            )
+            about = {
                 **trained_on,
-            },
-            on_epoch=request.on_epoch,
-        )
-        about = {**trained_on, "preset": preset, "seed": request.seed, "recipe": recipe.as_dict()}
-        about |= _result(outcome) | _environment(device)
-        description = ModelDescription(
-            baseline=self.name,
-            configuration=configuration.as_dict(),
-            parameters=sum(parameter.numel() for parameter in network.parameters()),
-            training=about,
-        )
-        write_model(request.out, outcome.best_weights, description)
+                "preset": preset,
+                "seed": request.seed,
+                "recipe": recipe.as_dict(),
+            }
+            about |= _result(outcome) | _environment(device)
+            description = ModelDescription(
+                baseline=self.name,
+                configuration=configuration.as_dict(),
+                parameters=sum(parameter.numel() for parameter in network.parameters()),
+                training=about,
+            )
+            write_model(request.out, outcome.best_weights, description)
         return request.out
 
     def seeded_network(self, configuration: ConfigurationT, seed: int) -> NetworkT:
@@ -206,8 +213,9 @@ def usable_device(name: str) -> torch.device:
     """
     try:
         device = torch.device(name)
-        torch.zeros(1, device=device)
-    except (RuntimeError, AssertionError, NotImplementedError) as error:
+        # A number has to come back: device `meta` computes shapes only.
+        torch.zeros(1, device=device).item()
+    except (RuntimeError, AssertionError, NotImplementedError, ImportError) as error:
         raise ConfigurationError(f"device {name!r} cannot be used here; try cpu") from error
     return device
 

@@ -17,7 +17,7 @@ from granbench.errors import ConfigurationError, ModelError
 from granbench.models import MODELS, ClassicalCell, find_model
 from granbench.models.parameter_file import cell_from_file, read_parameters
 from granbench.paths.mixed_control import isotropic_stress
-from granbench.plausible import LARGEST_STRESS, VOID_RATIOS
+from granbench.plausible import LARGEST_OVERCONSOLIDATION, LARGEST_STRESS, VOID_RATIOS
 from granbench.records import open_records
 from granbench.user_code import user_code
 
@@ -209,6 +209,11 @@ def _check_scalar(name: str, value: float) -> None:
         raise ConfigurationError(
             f"{shown} is no void ratio of a soil; give the volume of the voids over that of the "
             f"grains, from {least:g} to {greatest:g} (0.8, not 80 %)"
+        )
+    if name == "overconsolidation_ratio" and value > LARGEST_OVERCONSOLIDATION:
+        raise ConfigurationError(
+            f"{shown} is beyond {LARGEST_OVERCONSOLIDATION:g}, which no soil has been under; give "
+            "the largest pressure so far over the present one"
         )
     if name == "overconsolidation_ratio" and value < 1.0:
         raise ConfigurationError(

@@ -20,11 +20,23 @@ from granbench.paths.mixed_control import DIRECTIONS, MixedControl
 from granbench.paths.programme import Floats, LoadingProgramme
 from granbench.paths.strain_files import STRAIN, STRESS, PathTable
 from granbench.plausible import LARGEST_STRAIN
-from granbench.tensors import COMPONENT_ORDERS, component_order, least_principal, normal_mask
+from granbench.tensors import (
+    COMPONENT_ORDERS,
+    component_order,
+    least_principal,
+    mean_stress,
+    normal_mask,
+)
 from granbench.user_code import user_code
+from granbench.work_budget import WorkExceeded, work_budget
 
 NO_TENSION = 1e-6
 """Share of the largest stress below which a tension is rounding."""
+
+WORK_OF_A_RUN = 20_000
+WORK_OF_A_STEP = 100
+"""Attempts at substeps, and trials of increments, that a run may take: a sum of these. Usual runs
+take 5 to 20 a step; the sum of a test of 200 steps takes one to three minutes."""
 
 CARRIED = ("path_id", "specimen", "split", "loading_family", "seed")
 """What the answer to records keeps of them beside the strain."""
@@ -254,6 +266,7 @@ def drive(
     configuration: Mapping[str, object],
     tolerance: float | None = None,
     on_step: Callable[[int], None] | None = None,
+    patience: float = 1.0,
 ) -> Answer:
     """Take a cell along a course.
 
@@ -265,20 +278,43 @@ def drive(
     configuration : what was asked for, kept with the records
     tolerance : of held stresses, see `run_test`
     on_step : called with the number of each step that is done
+    patience : how many times the usual amount of work is allowed, see `WORK_OF_A_RUN`
 
     Raises
     ------
     ConfigurationError
-        Naming the row, or path and step, where the model cannot follow, or where a soil would
-        have no voids left.
+        Naming the row, or path and step, where the model cannot follow, where a soil would have
+        no voids left, or where the work exceeds its bound.
     ModelError
         If the cell does not pass its check, or raises an error.
     """
-    with (
-        checked_cell(cell, state[spread_rows(len(state))]) as check,
-        user_code(f"{cell.name} failed"),
-    ):
-        test = run_test(cell, course.control, state, tolerance=tolerance, on_step=on_step)
+    if not 0.0 < patience < np.inf:
+        raise ConfigurationError(f"patience is {patience:g}; give a finite number above 0")
+    done = 0
+
+    def advance(step: int) -> None:
+        nonlocal done
+        done = step
+        if on_step is not None:
+            on_step(step)
+
+    try:
+        with (
+            checked_cell(cell, state[spread_rows(len(state))]) as check,
+            user_code(f"{cell.name} failed"),
+            work_budget(patience * (WORK_OF_A_RUN + WORK_OF_A_STEP * course.control.steps)),
+        ):
+            test = run_test(cell, course.control, state, tolerance=tolerance, on_step=advance)
+    except WorkExceeded:
+        stress = state[:, cell.layout["stress"]].double().numpy()
+        start = np.abs(mean_stress(stress, cell.order)).min() / 1e3
+        raise ConfigurationError(
+            f"{course.place(0, done + 1)}: {cell.name} needs too many substeps to go on; that "
+            "happens where the stress changes by many times its own size within a step, as at very "
+            f"low stress or where strength is lost (the path starts at p = {start:.3g} kPa); start "
+            "from a higher pressure, end the path before, or allow more work (patience is "
+            f"{patience:g} now; --patience {10.0 * patience:g})"
+        ) from None
     if test.failures:
         raise ConfigurationError(_failed(test.failures, test, course, cell.name))
     if getattr(cell, "pressure_dependent", False) and "void_ratio" in test.internals:

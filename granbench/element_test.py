@@ -124,7 +124,7 @@ def run_test(
         tolerance = max(LEAST_TOLERANCE, ROUNDINGS * torch.finfo(cell.dtype).eps)
     elif not 0.0 < tolerance < 1.0:
         raise ConfigurationError(
-            f"a tolerance of {tolerance:g} is none; give a share of the stress such as 1e-4"
+            f"a tolerance of {tolerance:g} is not in (0, 1); give a share of the stress, as 1e-4"
         )
     with torch.no_grad():
         state = start if isinstance(start, Tensor) else cell.initial_state(start)

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from granbench.cell import FLOATING_FAILURES, MaterialCell
+from granbench.work_budget import spend
 
 ARMIJO = 1e-4
 """Share of the error that a full Newton step takes off at least; a shorter one, in proportion."""
@@ -38,7 +39,7 @@ class Patience:
     iterations: int = 30
     halvings: int = 8
     smallest_share: float = 2.0**-10
-    refusals: int = 1000
+    refusals: int = 300
 
 
 @dataclass(frozen=True)
@@ -124,11 +125,13 @@ class StressControl:
         at = increment.trial(guess, where)
         refusals = (where & at.error.isinf()).long()
         for _ in range(self.patience.iterations):
-            going = where & (at.error > self.tolerance)
+            # Without a stress there is no step, and the cell would only repeat its answer.
+            going = where & (at.error > self.tolerance) & at.error.isfinite()
             if not going.any():
                 break
             step = increment.newton_step(at, going)
             nearer = torch.zeros_like(going)
+            going = going & (step != 0.0).any(dim=1)
             for halving in range(self.patience.halvings + 1):
                 length = 0.5**halving
                 moving = going & ~nearer & (refusals < self.patience.refusals)
@@ -139,7 +142,7 @@ class StressControl:
                 better = moving & (trial.error < (1.0 - ARMIJO * length) * at.error)
                 at = at.replaced(better, trial)
                 nearer = nearer | better
-            where = where & (nearer | ~going)
+            where = where & nearer
         return at, refusals
 
 
@@ -155,6 +158,7 @@ class _Increment:
 
     def trial(self, x: Tensor, where: Tensor) -> Trial:
         """What the cell answers to free strains."""
+        spend()
         stress, after, *_ = surviving(self.control.cell.step, self._strain(x, where), self.state)
         residual = self.control.combined(stress) - self.target
         scale = torch.where(self.scale > 0.0, self.scale, stress.double().abs().amax(dim=1))

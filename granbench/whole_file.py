@@ -72,7 +72,7 @@ def whole_folder(path: Path, error: type[GranbenchError]) -> Iterator[Path]:
             partial.mkdir(parents=True)
         yield partial
         with _said_as(error, path):
-            if not old:
+            if not path.is_dir():  # another command may have made it since
                 partial.rename(path)
                 return
             for file in sorted(partial.iterdir(), key=lambda file: file.stat().st_mtime_ns):

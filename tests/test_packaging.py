@@ -168,7 +168,7 @@ LAYERS = (
     (
         *("errors", "tensors", "whole_file", "printable", "rounding", "plausible"),
         *("bounded_reading", "input_file", "json_reading", "netcdf_reading", "turning_points"),
-        *("units", "user_code"),
+        *("units", "quantity_text", "folder_lock", "work_budget", "user_code"),
     ),
     ("cell", "step_differences", "schema", "schema_check", "records"),
     ("observations", "baseline", "axes", "checks", "boundary_values", "predictions"),

@@ -16,9 +16,10 @@ INTERCEPTS = ("compression_intercept", "low_pressure_intercept")
 YIELD_OVER_MEAN = 1.36
 """Size of the yield surface of modified Cam-Clay over p along K0 = 0.5, with M = 1.25."""
 
-LEAST_KAPPA = 0.02
+LEAST_KAPPA = 0.15
 GREATEST_KAPPA = 0.8
-"""Bounds of kappa as a share of lambda."""
+"""Bounds of kappa as a share of lambda: without lateral strain the first unloading is stiffer than
+kappa, for q falls with p, and a start that is too stiff is not followed."""
 
 
 def compression_lines(batches: Sequence[TestBatch], names: Sequence[str]) -> dict[str, float]:

@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from granbench.baselines.training.tensor_files import read_tensors, write_tensors
+from granbench.baselines.training.tensor_files import digest_of, read_tensors, write_tensors
 from granbench.errors import ConfigurationError, ModelError
 
 TRAINING_FILE = "training.safetensors"
@@ -58,7 +58,8 @@ def save_progress(
         for moment, tensor in optimiser.state[parameter].items():
             tensors[f"adam.{moment}.{name}"] = tensor
     description = {"progress": asdict(progress), "fingerprint": dict(fingerprint)}
-    write_tensors(folder / TRAINING_FILE, tensors, description)
+    sealed = description | {"sha256": digest_of(tensors, description)}
+    write_tensors(folder / TRAINING_FILE, tensors, sealed)
 
 
 def restore_progress(
@@ -83,11 +84,18 @@ def restore_progress(
     path = folder / TRAINING_FILE
     tensors, description = read_tensors(path)
     try:
+        sealed = description.pop("sha256")
         recorded, progress = description["fingerprint"], Progress(**description["progress"])
-    except (KeyError, TypeError) as error:
+    except (AttributeError, KeyError, TypeError) as error:
         raise ModelError(
-            f"{path}: holds no training run; remove the folder {folder} and train again"
+            f"{path}: holds no training run of this version; remove the file and train again from "
+            "the start"
         ) from error
+    if sealed != digest_of(tensors, description):
+        raise ModelError(
+            f"{path}: is damaged, its content is not what its SHA-256 says; remove the file and "
+            "train again from the start, or copy it anew from a backup"
+        )
     if differing := sorted(
         name
         for name in set(recorded) | set(fingerprint)

@@ -1,11 +1,13 @@
 """Tensors with a description, in safetensors: reading a file never executes code."""
 
+import hashlib
 import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
@@ -43,6 +45,16 @@ def write_tensors(path: Path, tensors: Mapping[str, Tensor], description: Any = 
     stored = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
     with whole_file(path, ModelError, SafetensorError) as partial:
         save_file(stored, partial, metadata={_DESCRIPTION: json.dumps(description)})
+
+
+def digest_of(tensors: Mapping[str, Tensor], description: Any) -> str:
+    """SHA-256 over names, types, shapes and bytes of tensors, and over a JSON description."""
+    digest = hashlib.sha256(json.dumps(description, sort_keys=True).encode())
+    for name in sorted(tensors):
+        tensor = tensors[name].detach().cpu().contiguous()
+        digest.update(f"{name} {tensor.dtype} {tuple(tensor.shape)}".encode())
+        digest.update(tensor.reshape(-1).view(torch.uint8).numpy().tobytes())
+    return digest.hexdigest()
 
 
 def unwritable(path: Path, error: Exception) -> ModelError:

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from granbench.cell import MaterialCell
     from granbench.driving import Answer
 
+MOST_STEPS = 1_000_000
+"""Of a test; its records take some hundred megabytes then."""
+
 
 def drive(
     model: Annotated[
@@ -40,14 +43,18 @@ def drive(
         typer.Option("--control", help="Standard test, such as triaxial-drained or oedometer."),
     ] = None,
     strain: Annotated[
-        float | None,
-        typer.Option("--strain", help="Driving strain at the test's end; 0.2, negative extends."),
+        str | None,
+        typer.Option(
+            "--strain", help="Driving strain at the test's end, as 0.2 or 20%; negative extends."
+        ),
     ] = None,
     turning_points: Annotated[
         str | None,
         typer.Option("--turning-points", help="Driving strains at which it turns, as 0.02,-0.02."),
     ] = None,
-    steps: Annotated[int | None, typer.Option("--steps", help="Of a test; 200.")] = None,
+    steps: Annotated[
+        int | None, typer.Option("--steps", max=MOST_STEPS, help="Of a test; 200.")
+    ] = None,
     b: Annotated[
         float | None, typer.Option("--b", help="Intermediate stress ratio of a triaxial test; 0.")
     ] = None,
@@ -58,7 +65,10 @@ def drive(
         str | None, typer.Option("--set", help="Published parameters of a classical model.")
     ] = None,
     p0: Annotated[
-        float | None, typer.Option("--p0", metavar="PA", help="Isotropic stress at the start; 1e5.")
+        str | None,
+        typer.Option(
+            "--p0", metavar="PA", help="Isotropic stress at the start, as 1e5 or 100kPa; 1e5."
+        ),
     ] = None,
     ocr: Annotated[
         float | None, typer.Option("--ocr", help="Overconsolidation ratio at the start.")
@@ -79,6 +89,10 @@ def drive(
         float | None,
         typer.Option("--tolerance", help="Of held stresses, relative; 1e-9, in float32 1.2e-5."),
     ] = None,
+    patience: Annotated[
+        float,
+        typer.Option("--patience", min=0.01, max=1e6, help="Factor on the work that is allowed."),
+    ] = 1.0,
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Picture to draw as well (.png, .pdf or .svg).")
     ] = None,
@@ -90,6 +104,7 @@ def drive(
     """Drive a model along a path, or through a standard test, and write its stresses."""
     from granbench.driven_model import ModelChoice, Start
     from granbench.driving import drive as take
+    from granbench.quantity_text import pressure_from_text
 
     _check_targets(out, plot)
     for option, file in (("MODEL", Path(model)), ("--path", path), ("--params", params),
@@ -97,7 +112,8 @@ def drive(
         refuse_overwriting(out, option, file)
     asked = AskedCourse(path, control, strain, turning_points, steps, b, order)
     choice = ModelChoice(model, parameter_set, params, task)
-    cell, course, state = asked.prepared(choice, Start(p0, scalars_at_start(e0, ocr, start)))
+    pressure = None if p0 is None else pressure_from_text("--p0 ", p0)
+    cell, course, state = asked.prepared(choice, Start(pressure, scalars_at_start(e0, ocr, start)))
     points = len(course.control.driven)
     if out.suffix == ".csv" and points > 1:
         raise ConfigurationError(
@@ -110,7 +126,13 @@ def drive(
     }
     with _bar(course.control.steps - 1, cell.name, quiet or as_json) as advance:
         answer = take(
-            cell, course, state, configuration=configuration, tolerance=tolerance, on_step=advance
+            cell,
+            course,
+            state,
+            configuration=configuration,
+            tolerance=tolerance,
+            on_step=advance,
+            patience=patience,
         )
     _write(answer, out)
     if plot is not None:
@@ -192,7 +214,8 @@ def _sentence(answer: "Answer", cell: "MaterialCell", out: Path) -> str:
     (p,), (q,), (volumetric,) = path_invariants(answer.records)
     return (
         f"{rows}; at the end p = {p[-1] / 1e3:.4g} kPa, q = {q[-1] / 1e3:.4g} kPa, volumetric "
-        f"strain {100.0 * volumetric[-1]:.3g} %; largest q {q.max() / 1e3:.4g} kPa"
+        f"strain {100.0 * volumetric[-1]:.3g} %; largest q {q.max() / 1e3:.4g} kPa; started at "
+        f"p = {p[0] / 1e3:.4g} kPa"
     )
 
 

@@ -1,13 +1,11 @@
 """What the options of `granbench drive` ask for: the path or test, and the start."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from granbench.errors import ConfigurationError
-from granbench.plausible import LARGEST_STRAIN
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -35,7 +33,7 @@ class AskedCourse:
 
     path: Path | None
     control: str | None
-    strain: float | None
+    strain: str | None
     turning_points: str | None
     steps: int | None
     b: float | None
@@ -91,6 +89,7 @@ class AskedCourse:
     ) -> tuple["MaterialCell", "Course", "Tensor"]:
         from granbench.driving import Course, cell_for_test
         from granbench.paths.standard_tests import find_test, strain_history
+        from granbench.quantity_text import strain_from_text
 
         if self.control is None:
             raise ConfigurationError(
@@ -103,10 +102,11 @@ class AskedCourse:
         if self.b is not None and not 0.0 <= self.b <= 1.0:
             raise ConfigurationError(f"--b {self.b:g} must lie in [0, 1]")
         if table is None:
-            corners = _numbers("--turning-points", self.turning_points)
-            end = DEFAULT_STRAIN if self.strain is None else self.strain
-            for option, driven in (("--strain", [end]), ("--turning-points", corners)):
-                _check_driving(option, driven)
+            turns = self.turning_points.split(",") if self.turning_points is not None else []
+            corners = [strain_from_text("--turning-points ", turn) for turn in turns]
+            end = DEFAULT_STRAIN
+            if self.strain is not None:
+                end = strain_from_text("--strain ", self.strain)
             steps = DEFAULT_STEPS if self.steps is None else self.steps
             history = strain_history([*corners, end], steps)
         else:
@@ -163,7 +163,7 @@ def scalars_at_start(
         name, sign, number = text.partition("=")
         if not (sign and name.isidentifier()):
             raise ConfigurationError(f"--start {text!r}: give NAME=VALUE, as grading_index=1.06")
-        given.append((name, _numbers(f"--start {name}", number)[0]))
+        given.append((name, _start_value(name, number)))
     scalars: dict[str, float] = {}
     for name, value in given:
         if name in scalars:
@@ -175,19 +175,15 @@ def scalars_at_start(
     return scalars
 
 
-def _numbers(option: str, text: str | None) -> list[float]:
+def _start_value(name: str, text: str) -> float:
+    """A number that is known at the start; a stress may have a unit."""
+    if any(word in name for word in ("stress", "pressure")):
+        from granbench.quantity_text import pressure_from_text
+
+        return pressure_from_text(f"--start {name}=", text)
     try:
-        return [float(part) for part in text.split(",")] if text is not None else []
+        return float(text)
     except ValueError as error:
-        raise ConfigurationError(f"{option} {text!r} is not a number or a list of them") from error
-
-
-def _check_driving(option: str, strains: Sequence[float]) -> None:
-    for strain in strains:
-        if not math.isfinite(strain):
-            raise ConfigurationError(f"{option} {strain:g} is not a finite number; mend it")
-        if abs(strain) > LARGEST_STRAIN:
-            raise ConfigurationError(
-                f"{option} {strain:g} is beyond {LARGEST_STRAIN:g}; strain has no unit: write 0.2 "
-                "for 20 %"
-            )
+        raise ConfigurationError(
+            f"--start {name} {text!r} is not a number; give one such as 1.06"
+        ) from error

@@ -11,15 +11,23 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from granbench.cli.options import default_task, refuse_overwriting, require_one_of
+from granbench.cli.options import (
+    default_task,
+    listed_seeds,
+    refuse_overwriting,
+    require_one_of,
+    require_writable,
+)
 from granbench.cli.printing import print_json, say, show
-from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from granbench.candidate import Candidate
     from granbench.leaderboard.submission import Submission
+
+MODEL_FILES = ("model.json", "model.safetensors", "training.safetensors", "parameters.json")
+"""Of a trained model's folder."""
 
 KEPT = ("predictions", "model")
 ROLES = ("model", "floor")
@@ -104,11 +112,17 @@ def evaluate(
     from granbench.records import open_records
 
     task = task or default_task()
-    numbers = _numbers(seeds)
+    numbers = None if seeds is None else listed_seeds(seeds)
     axes = chosen_axes(axis or AXES)
     for target in (out, check_target(out)):
+        require_writable("--out", target)
         refuse_overwriting(target, "MODEL", Path(model))
         refuse_overwriting(target, "--task", Path(task))
+        for other in against or ():
+            refuse_overwriting(target, "--against", other)
+        for folder in (Path(model), *(model_dir or ())):
+            for file in MODEL_FILES:
+                refuse_overwriting(target, f"the model in {folder}", folder / file)
     require_one_of("--keep", keep, KEPT)
     require_one_of("--role", role or ROLES[0], ROLES)
     others = [read_submission(path) for path in against or ()]
@@ -152,20 +166,6 @@ def _written(submission: "Submission", out: Path) -> str:
         folder = submission.model.files[0].path.split("/")[0]
         return f"{out} and the model in {folder} are written"
     return f"{out} is written; its model needs no file"
-
-
-def _numbers(seeds: str | None) -> list[int] | None:
-    if seeds is None:
-        return None
-    try:
-        numbers = [int(text) for text in seeds.split(",")]
-    except ValueError as error:
-        raise ConfigurationError(
-            f"--seeds {seeds!r} is not a list of numbers such as 0,1,2"
-        ) from error
-    if min(numbers) < 0 or len(set(numbers)) < len(numbers):
-        raise ConfigurationError(f"--seeds {seeds!r} must be different numbers, none negative")
-    return numbers
 
 
 def _authors(authors: str | None, candidate: "Candidate") -> tuple[str, ...]:

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from granbench.cell import MaterialCell
     from granbench.fem import Analysis, ExplicitSettings, ImplicitSettings, Problem
 
+MOST_OUTPUTS = 100_000
+"""Each takes all that is recorded at every Gauss point."""
+
 EXPLICIT_ONLY = ("damping", "safety", "time_step", "modulus")
 IMPLICIT_ONLY = ("scheme",)
 
@@ -80,7 +83,10 @@ def fem(
         typer.Option("--start", metavar="NAME=VALUE", help="Else known, as grading_index=1.06."),
     ] = None,
     outputs: Annotated[
-        int | None, typer.Option("--outputs", help="Output steps; implicit: load steps. 100.")
+        int | None,
+        typer.Option(
+            "--outputs", max=MOST_OUTPUTS, help="Output steps; implicit: load steps. 100."
+        ),
     ] = None,
     damping: Annotated[
         float | None, typer.Option("--damping", help="gamma of the explicit solver; 1.")
@@ -92,7 +98,7 @@ def fem(
         float | None, typer.Option("--safety", help="Of the explicit time step; 0.2.")
     ] = None,
     modulus: Annotated[
-        float | None,
+        str | None,
         typer.Option("--modulus", metavar="PA", help="For the time step, not that of the model."),
     ] = None,
     scheme: Annotated[
@@ -116,16 +122,21 @@ def fem(
     """Analyse a boundary-value problem with a model, and write all that happened in it."""
     _check_targets(out, vtu, plot)
     load_path = next((word[10:] for word in choose or () if word.startswith("load_path=")), None)
-    sources = {"--mesh": mesh, "--choose load_path": load_path, "--params": params, "--cell": cell}
+    sources = {
+        "--mesh": mesh, "--choose load_path": load_path, "--params": params, "--cell": cell,
+        "--task": task,
+    }  # fmt: skip
     for option, source in sources.items():
         for target in (out, plot):
             if source is not None and target is not None:
                 refuse_overwriting(target, option, Path(source))
     from granbench.fem.problems import chosen_from_text
+    from granbench.quantity_text import pressure_from_text
 
     chosen = chosen_from_text(problem, choose or ())
     settings = _settings(
-        chosen, solver, damping=damping, time_step=time_step, safety=safety, modulus=modulus,
+        chosen, solver, damping=damping, time_step=time_step, safety=safety,
+        modulus=None if modulus is None else pressure_from_text("--modulus ", modulus),
         scheme=scheme, outputs=outputs,
     )  # fmt: skip
     chosen.mesh(mesh)  # an unknown one is said before a model is made

@@ -1,7 +1,7 @@
 """`granbench fit`: fit a classical model to laboratory tests of one's own."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,11 +11,17 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from granbench.cli.options import refuse_overwriting, require_one_of
+from granbench.cli.options import (
+    refuse_overwriting,
+    require_folder,
+    require_one_of,
+    seed_option,
+)
 from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import print_json, say, show
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError
+from granbench.folder_lock import locked_folder
 from granbench.printable import printable
 from granbench.whole_file import whole_folder
 
@@ -71,24 +77,29 @@ def fit(
         ),
     ] = "auto",
     points: Annotated[
-        int, typer.Option("--points", min=5, help="To which each test is thinned.")
+        int, typer.Option("--points", min=5, max=100_000, help="To which each test is thinned.")
     ] = 60,
     weight: Annotated[
         list[str] | None,
         typer.Option("--weight", metavar="NAME=X", help="Of a quantity; 1 by default."),
     ] = None,
     starts: Annotated[
-        int, typer.Option("--starts", min=1, help="First values to search from.")
+        int, typer.Option("--starts", min=1, max=1000, help="First values to search from.")
     ] = 8,
     spread: Annotated[
-        float, typer.Option("--spread", min=0.0, help="Of the starts; 1 is a factor of 2.7.")
+        float,
+        typer.Option("--spread", min=0.0, max=5.0, help="Of the starts; 1 is a factor of 2.7."),
     ] = 0.5,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of starts and bootstrap.")] = 0,
+    seed: Annotated[int, seed_option("Of starts and bootstrap.")] = 0,
     iterations: Annotated[
-        int, typer.Option("--iterations", min=1, help="Of Levenberg-Marquardt, at most.")
+        int,
+        typer.Option("--iterations", min=1, max=1_000_000, help="Of Levenberg-Marquardt, at most."),
     ] = 60,
     bootstrap: Annotated[
-        int, typer.Option("--bootstrap", min=0, help="Samples; 0 for intervals from the curvature.")
+        int,
+        typer.Option(
+            "--bootstrap", min=0, max=100_000, help="Samples; 0 for intervals from the curvature."
+        ),
     ] = 0,
     column: Annotated[
         list[str] | None,
@@ -176,8 +187,7 @@ def fit(
     How each file was understood is printed and kept in fit.json: kind of test, drainage, which
     stresses are effective and why, p0. What a file leaves open is asked about.
     """
-    if out.exists() and not out.is_dir():
-        raise ConfigurationError(f"--out {out} is a file; give a folder")
+    require_folder("--out", out)
 
     from granbench.baselines.fitting import Effort, FitSettings
     from granbench.baselines.fitting import fit as fitted
@@ -225,7 +235,11 @@ def fit(
     if settings.free is None:
         _require_shear(tests, [parameter.name for parameter in cell.parameter_table])
     total = settings.effort.adam_iterations + settings.effort.iterations
-    with stopped_by_sigterm("to begin anew"), whole_folder(out, ConfigurationError) as folder:
+    with (
+        stopped_by_sigterm("to begin anew"),
+        locked_folder(out, ConfigurationError) if out.is_dir() else nullcontext(),
+        whole_folder(out, ConfigurationError) as folder,
+    ):
         with _bar(total, model, quiet or as_json) as advance:
             found = fitted(cell, tests, settings, left_out=left_out, on=advance)
         report = report_of(found, settings, tests, left_out)

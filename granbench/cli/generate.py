@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from granbench.cli.printing import print_json, say
+from granbench.cli.options import core_count, require_folder, seed_option
+from granbench.cli.printing import note, print_json, say
 from granbench.cli.termination import stopped_by_sigterm
 
 
@@ -17,7 +18,7 @@ def generate(
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a dask scheduler that takes the jobs instead.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of every random choice.")] = 0,
+    seed: Annotated[int, seed_option("Seed of every random choice.")] = 0,
     retry_failed: Annotated[
         bool,
         typer.Option("--retry-failed", help="Also run jobs again whose own physics ended them."),
@@ -28,9 +29,14 @@ def generate(
     """Generate a dataset; run the same command again to continue one that was interrupted."""
     from granbench.generators.catalogue import generator, require_usable
 
+    make = generator(dataset)
     require_usable(out)
+    require_folder("--out", out)
+    if scheduler is None and workers > (cores := core_count()):
+        note(f"--workers {workers}: this machine offers {cores} cores, so {cores} jobs run at once")
+        workers = cores
     with stopped_by_sigterm():
-        path, report = generator(dataset)(
+        path, report = make(
             preset,
             out,
             seed=seed,

@@ -1,11 +1,16 @@
 """What the options of several commands have to obey."""
 
+import os
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
+
+import typer
 
 from granbench.cli.printing import note
 from granbench.errors import ConfigurationError
+from granbench.plausible import LARGEST_SEED
 from granbench.whole_file import cannot_write
 
 
@@ -46,6 +51,19 @@ def require_writable(option: str, file: Path) -> None:
         raise ConfigurationError(f"{option} {cannot_write(file, error)}") from error
 
 
+def require_folder(option: str, folder: Path) -> None:
+    """Refuse, before any work, a folder that could not be made or written into.
+
+    Raises
+    ------
+    ConfigurationError
+        If a file has the name, or the folder, or the nearest above it, cannot be written to.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise ConfigurationError(f"{option} {folder} is a file; give a folder")
+    require_writable(option, folder / "new" if folder.exists() else folder)
+
+
 def default_task() -> str:
     """The dataset of a command that names none, which says so where it is not the usual one."""
     from granbench.data.store import DEFAULTS, default_dataset
@@ -69,3 +87,53 @@ def require_one_of(option: str, given: str, allowed: Sequence[str]) -> None:
     """
     if given not in allowed:
         raise ConfigurationError(f"{option} {given!r} must be one of {', '.join(allowed)}")
+
+
+def seed_option(text: str) -> Any:
+    """The option `--seed`: a number that every generator and file takes, or one sentence."""
+    return typer.Option("--seed", min=0, max=LARGEST_SEED, help=text)
+
+
+def listed_seeds(text: str) -> list[int]:
+    """The numbers of `--seeds`, such as ``0,1,2``.
+
+    Raises
+    ------
+    ConfigurationError
+        If they are not different whole numbers from 0 to `LARGEST_SEED`.
+    """
+    try:
+        seeds = [int(part) for part in text.split(",")]
+    except ValueError as error:
+        raise ConfigurationError(
+            f"--seeds {text[:60]!r} is not a list of numbers such as 0,1,2"
+        ) from error
+    if not 0 <= min(seeds) <= max(seeds) <= LARGEST_SEED or len(set(seeds)) < len(seeds):
+        raise ConfigurationError(
+            f"--seeds {text[:60]!r} must be different numbers from 0 to {LARGEST_SEED}, none "
+            "negative"
+        )
+    return seeds
+
+
+def core_count() -> int:
+    """Processor cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on every system
+        return os.cpu_count() or 1
+
+
+def require_cores(option: str, count: int) -> None:
+    """Refuse more threads than the machine has cores: they would only wait for each other.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the option and how many there are.
+    """
+    if count > (cores := core_count()):
+        raise ConfigurationError(
+            f"{option} {count} is more than the {cores} cores that this machine offers; give 1 to "
+            f"{cores}"
+        )

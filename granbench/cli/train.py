@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from granbench.cli.options import default_task
+from granbench.cli.options import default_task, require_cores, require_folder, seed_option
 from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import print_json
 from granbench.cli.termination import stopped_by_sigterm
@@ -39,7 +39,7 @@ def train(
             "that is not on this machine.",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of weights and batches.")] = 0,
+    seed: Annotated[int, seed_option("Of weights and batches.")] = 0,
     preset: Annotated[
         str | None, typer.Option("--preset", help="Training settings, such as reference or paper.")
     ] = None,
@@ -68,8 +68,8 @@ def train(
     and training.safetensors, from which a run continues.
     """
     seconds = None if budget is None else _seconds(budget)
-    if out.exists() and not out.is_dir():
-        raise ConfigurationError(f"--out {out} is a file; give a folder for the run")
+    require_cores("--threads", threads)
+    require_folder("--out", out)
 
     import torch
 

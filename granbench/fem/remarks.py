@@ -80,8 +80,8 @@ def _volume(dataset: xr.Dataset) -> str | None:
         f"the volumetric strain is not credible: {100.0 * largest[step]:.3g} % at a Gauss point by "
         f"output step {step}, at driving strain {float(dataset['driving_strain'][step]):.4g}, "
         f"{100.0 * largest.max():.3g} % at most, and {100.0 * worst:.3g} % in the mean over the "
-        f"body; {dataset.attrs['cell']} is outside of what it can follow, so do not use the "
-        "results from that step on"
+        f"body; the loading goes beyond small strains, or {dataset.attrs['cell']} is outside of "
+        "what it can follow: do not use the results from that step on"
     )
 
 

@@ -15,6 +15,9 @@ from granbench.fem.loading import LoadingHistory
 from granbench.fem.mesh import Floats
 from granbench.fem.operators import Operators
 
+LARGEST_DAMPING = 1e4
+LARGEST_MODULUS = 1e15
+"""Of Eq 5.9, Pa."""
 MOST_STEPS = 100_000_000
 """Some hours of the quickest analysis: more of them are a mistake in a unit."""
 
@@ -81,9 +84,11 @@ class ExplicitSettings:
             value = getattr(self, name)
             if value is not None and not (0.0 < value < math.inf):
                 raise ConfigurationError(f"{name} is {value:g}; give one above 0")
-        for name in ("damping", "damping_modulus"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise ConfigurationError(f"{name} is {getattr(self, name):g}; give 0 or more")
+        for name, largest in (("damping", LARGEST_DAMPING), ("damping_modulus", LARGEST_MODULUS)):
+            if not 0.0 <= getattr(self, name) <= largest:
+                raise ConfigurationError(
+                    f"{name} is {getattr(self, name):g}; give 0 to {largest:g}"
+                )
 
     @property
     def damping_rate(self) -> float:
@@ -167,12 +172,13 @@ def output_steps(drive: LoadingHistory, time_step: float, settings: ExplicitSett
         If there are too many time steps or turning points.
     """
     count = settings.outputs
-    even = max(1, math.ceil(drive.end / time_step / count - 1e-9)) * np.arange(count + 1)
-    if even[-1] > MOST_STEPS:
+    wanted = drive.end / time_step
+    if not wanted <= MOST_STEPS:
         raise ConfigurationError(
             f"a loading of {drive.end:.3g} s in time steps of {time_step:.3g} s takes "
-            f"{even[-1]:.3g} of them, more than {MOST_STEPS:.0g}; load faster or shorter"
+            f"{wanted:.3g} of them, more than {MOST_STEPS:.0g}; load faster or shorter"
         )
+    even = max(1, math.ceil(wanted / count - 1e-9)) * np.arange(count + 1)
     turns = drive.turning_times / drive.end
     if len(turns) > MOST_TURNS:
         raise ConfigurationError(

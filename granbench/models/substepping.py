@@ -37,6 +37,7 @@ from granbench.models.arrays import (
     where,
     zeros_like,
 )
+from granbench.work_budget import spend
 
 Constants = TypeVar("Constants", bound=tuple[Array, ...])
 
@@ -155,6 +156,7 @@ def _cut(
     for _ in range(settings.most):
         if not len(points):
             break
+        spend()
         left = 1.0 - time
         last = size >= left
         size = where(last, left, size)

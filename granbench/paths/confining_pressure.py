@@ -12,6 +12,7 @@ said: s = 20 kPa keeps p0 = 100 kPa five standard deviations from zero.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,9 @@ from granbench.paths.programme import Floats
 
 STEPS = 100
 """Of the thesis: pressures are given at 100 points of x and are linear between them."""
+
+LARGEST_CURVATURE = 100.0
+"""Beyond it the pressure turns between the points that it is given at."""
 
 RAMP = 0.2
 """Share of the path over which the variance grows to its full size."""
@@ -49,10 +53,16 @@ class RandomConfinement:
     deviation: float = 2e4
 
     def __post_init__(self) -> None:
-        if not (self.curvature > 0.0 and self.mean > 0.0 and self.deviation >= 0.0):
+        if not 0.0 < self.curvature <= LARGEST_CURVATURE:
             raise ConfigurationError(
-                f"a random confinement with v_c = {self.curvature:g}, mean {self.mean:g} Pa and "
-                f"deviation {self.deviation:g} Pa cannot be; v_c and mean are above 0"
+                f"a random confinement with v_c = {self.curvature:g} cannot be drawn; v_c and "
+                f"mean are above 0, and v_c is at most {LARGEST_CURVATURE:g}"
+            )
+        if not (0.0 < self.mean < math.inf and 0.0 <= self.deviation < math.inf):
+            raise ConfigurationError(
+                f"a random confinement with mean {self.mean:g} Pa and deviation "
+                f"{self.deviation:g} Pa cannot be drawn; v_c and mean are above 0, and the "
+                "deviation is not below it"
             )
 
     def pressures(self) -> tuple[Floats, Floats]:

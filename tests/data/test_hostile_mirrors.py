@@ -27,7 +27,8 @@ def published(shelf, content):
     return RegistryEntry(
         id="made-up", version="1.0.0", title="", tier="core", licence="", thesis_section="",
         file="made-up.nc", bytes=len(content), sha256=hashlib.sha256(content).hexdigest(),
-        content_sha256="0" * 64, attributes_sha256="0" * 64, split_sha256="0" * 64, generator="none",
+        content_sha256="0" * 64, attributes_sha256="0" * 64, split_sha256="0" * 64,
+        generator="none",
     )  # fmt: skip
 
 
@@ -50,7 +51,7 @@ ANSWERS = {
     "zipped": (lambda content: Mirror(b"\x1f\x8b" + content[2:]), "not a netCDF file"),
     "escapes": (
         headers(("Location", "gopher://x/\x1b[31m" + "x" * 3000), status=302),
-        "redirects to gopher",
+        "HTTP status 302",
     ),
 }
 

@@ -9,7 +9,9 @@ import pytest
 from granbench.errors import ConfigurationError
 from granbench.fem import ExplicitSettings, ImplicitSettings, find_problem, run
 from granbench.fem.load_path_file import read_load_path
+from granbench.fem.loading import LoadingHistory
 from granbench.fem.mesh_file import read_mesh
+from granbench.fem.time_step import output_steps
 from granbench.models import MODELS
 
 WIDTH, HEIGHT, COLUMNS, ROWS = 0.5, 1.0, 2, 4
@@ -85,16 +87,13 @@ def test_cells_become_elements_with_nodes_on_their_edges(
 def test_what_is_wrong_with_a_mesh_file_is_said(tmp_path: Path) -> None:
     broken = tmp_path / "broken.msh"
     broken.write_text("$MeshFormat\nnothing\n")
-    with pytest.raises(ConfigurationError, match=r"broken\.msh: is no mesh"):
+    with pytest.raises(ConfigurationError, match=r"broken\.msh: section \$MeshFormat is not"):
         read_mesh(broken)
     with pytest.raises(ConfigurationError, match=r"none\.msh: there is no such file"):
         read_mesh(tmp_path / "none.msh")
     inverted = gmsh_like(tmp_path / "inverted.msh", moved=(4, 0.6))
     with pytest.raises(ConfigurationError, match=r"inverted\.msh: element \d+ .* is inverted"):
         read_mesh(inverted)
-    unnamed = gmsh_like(tmp_path / "unnamed.msh", names=())
-    with pytest.raises(ConfigurationError, match=r"unnamed\.msh: names no boundary"):
-        read_mesh(unnamed)
     partly = gmsh_like(tmp_path / "partly.msh", names=("bottom", "right", "upper", "left"))
     with pytest.raises(ConfigurationError, match=r"partly\.msh, for biaxial: .* no boundary 'top'"):
         find_problem("biaxial").mesh(str(partly))
@@ -106,7 +105,7 @@ def test_what_is_wrong_with_a_mesh_file_is_said(tmp_path: Path) -> None:
         find_problem("biaxial").mesh(str(millimetres))
     solid = tmp_path / "solid.vtk"
     meshio.Mesh(np.eye(4, 3), [("tetra", np.array([[0, 1, 2, 3]]))]).write(solid)
-    with pytest.raises(ConfigurationError, match=r"solid\.vtk: its plane cells are none"):
+    with pytest.raises(ConfigurationError, match=r"solid\.vtk: has three-dimensional elements"):
         read_mesh(solid)
 
 
@@ -120,6 +119,67 @@ def test_a_load_path_from_a_file_drives_the_problem(tmp_path: Path) -> None:
     assert moved[-1] == 0.005
     turning = np.flatnonzero(np.diff(np.sign(np.diff(moved))))
     assert moved[turning + 1] == pytest.approx([0.004, 0.003])
+
+
+PATHS = {
+    "round": ((0.0, 0.04, 0.05, 0.07), (0.0, 0.004, 0.003, 0.005)),
+    "odd": ((0.0, 0.0137, 0.0211, 0.0437), (0.0, 0.00211, 0.00173, 0.00399)),
+    "with a rest": ((0.0, 0.02, 0.03, 0.0417, 0.06), (0.0, 0.004, 0.004, 0.001, 0.003)),
+}
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("outputs", [1, 3, 10])
+def test_every_turning_point_is_an_output_step_of_both_solvers(path: str, outputs: int) -> None:
+    drive = LoadingHistory(*PATHS[path])
+    turns = [drive.values[drive.times.index(time)] for time in drive.turning_times]
+    assert len(turns) >= 2
+    problem = find_problem("biaxial", load_path=drive)
+    settings = (ExplicitSettings(outputs=outputs), ImplicitSettings(steps=outputs))
+    for solver in settings:
+        found = run(problem, MODELS["j2"](), solver=solver, mesh="coarse").check()
+        moved = found["driving_displacement"].values
+        steps = found["time_steps"].sum() if "time_steps" in found else np.inf
+        # Within half a time step where the turning points have no common measure.
+        fastest = np.abs(np.diff(drive.values) / np.diff(drive.times)).max()
+        close = 0.51 * fastest * drive.end / float(steps) + 1e-12
+        for value in turns:
+            assert np.abs(moved - value).min() <= close
+        assert moved[-1] == pytest.approx(drive.values[-1])
+
+
+@pytest.mark.parametrize("cycles", ["monotonic", "cyclic", "cyclic-8-4", "cyclic-7-5"])
+@pytest.mark.parametrize("outputs", [7, 90, 100, 180])
+def test_cyclic_loadings_turn_at_output_steps(cycles: str, outputs: int) -> None:
+    drive = find_problem("strip-footing", cycles=cycles).drive_history()
+    steps = output_steps(drive, 1.37e-5, ExplicitSettings(outputs=outputs))
+    times = steps / steps[-1] * drive.end
+    assert drive.end / steps[-1] <= 1.37e-5
+    assert len(steps) > outputs
+    for turn in drive.turning_times:
+        assert np.abs(times - turn).min() < 1e-9 * drive.end
+
+
+def test_stated_outputs_stay_where_they_are() -> None:
+    """Datasets state their outputs; where all turning points are among them nothing changes."""
+    for cycles, outputs in (("cyclic-8-4", 90), ("cyclic-8-4", 180), ("cyclic", 180)):
+        drive = find_problem("biaxial", cycles=cycles).drive_history()
+        chosen, stated = (
+            output_steps(drive, 1e-4, ExplicitSettings(outputs=outputs, turning_points=turning))
+            for turning in (True, False)
+        )
+        np.testing.assert_array_equal(chosen, stated)
+        assert len(set(np.diff(chosen))) == 1
+
+
+def test_time_steps_between_outputs_are_recorded() -> None:
+    problem = find_problem("biaxial", cycles="cyclic-8-4", end_strain=0.005)
+    found = run(problem, MODELS["j2"](), solver=ExplicitSettings(outputs=7), mesh="coarse").check()
+    taken = found["time_steps"].values
+    assert taken[0] == 0 and (taken[1:] > 0).all()
+    elapsed = found["time"].values / found["time"].values[-1]
+    np.testing.assert_allclose(taken.cumsum() / taken.sum(), elapsed, rtol=1e-9)
+    assert np.abs(found["energy_error"]).max() < 1e-10
 
 
 @pytest.mark.parametrize(

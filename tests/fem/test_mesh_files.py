@@ -187,14 +187,14 @@ def hole(found: Specimen) -> Specimen:
 
 def slit(found: Specimen) -> Specimen:
     """Elements 2 and 4 share no nodes at their common edge, whose middle is moved apart a bit."""
-    nodes = np.concatenate([found.nodes, found.nodes + (0.0, 1e-4, 0.0)])
+    nodes = np.concatenate([found.nodes, found.nodes + np.array([0.0, 1e-4, 0.0])])
     elements = found.elements.copy()
     elements[4] = [e + len(found.nodes) if e in found.elements[2] else e for e in elements[4]]
     return replace(found, nodes=nodes, elements=elements)
 
 
 def loose(found: Specimen) -> Specimen:
-    nodes = np.concatenate([found.nodes, found.nodes + (3.0, 0.0, 0.0)])
+    nodes = np.concatenate([found.nodes, found.nodes + np.array([3.0, 0.0, 0.0])])
     more = found.elements[:1] + len(found.nodes)
     return replace(found, nodes=nodes, elements=np.concatenate([found.elements, more]))
 

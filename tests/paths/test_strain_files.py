@@ -1,6 +1,5 @@
 """Path files: every column has one meaning, every fault is named by row and column."""
 
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

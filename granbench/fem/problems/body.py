@@ -30,6 +30,11 @@ def with_boundaries_of(mesh: PlaneMesh, own: PlaneMesh) -> PlaneMesh:
     ----------
     mesh : from a file
     own : the problem's, fine enough to stand for its body
+
+    Raises
+    ------
+    ConfigurationError
+        If the file names none of them and one cannot be found by its place.
     """
     wanted = own.boundary_names
     spelled: dict[str, str] = {}
@@ -46,8 +51,13 @@ def with_boundaries_of(mesh: PlaneMesh, own: PlaneMesh) -> PlaneMesh:
     if any(name in mesh.boundary_names for name in wanted):
         return mesh
     facets = {name: _facets_along(mesh, own, name) for name in wanted}
-    if not all(map(len, facets.values())):
-        return mesh
+    for name, found in facets.items():
+        if not len(found):
+            raise ConfigurationError(
+                f"it names no boundary of the problem, and none of its edges lies along {name!r}, "
+                f"which spans {_spoken(own.nodes[own.nodes_on(name)])}; name groups of its edges, "
+                "as physical curves in Gmsh"
+            )
     listed = ", ".join(mesh.boundary_names[:4])
     note = (
         f"it names no boundary of the problem{f', but {listed}' if listed else ''}; "
@@ -79,7 +89,7 @@ def _distance(points: Floats, ends: Floats) -> Floats:
     return np.asarray(np.hypot(*(offset - share * along[:, None])).min(axis=1))
 
 
-def require_body(mesh: PlaneMesh, own: PlaneMesh, boundaries: Sequence[str]) -> None:
+def require_body(mesh: PlaneMesh, own: PlaneMesh, boundaries: Sequence[str] = ()) -> None:
     """Refuse a mesh of another body than the problem's own.
 
     Parameters

@@ -15,6 +15,8 @@ from granbench.fem.problems.problem import Problem
 from granbench.fem.problems.retaining_wall import RetainingWall
 from granbench.fem.problems.strip_footing import StripFooting
 from granbench.paths.confining_pressure import RandomConfinement
+from granbench.plausible import LARGEST_SEED
+from granbench.quantity_text import pressure_from_text, strain_from_text
 
 PROBLEMS: Mapping[str, type[Problem]] = {
     kind.name: kind for kind in (Biaxial, RetainingWall, StripFooting, DogBone, PerforatedPlate)
@@ -23,9 +25,6 @@ PROBLEMS: Mapping[str, type[Problem]] = {
 TRUTH = {"true": True, "yes": True, "false": False, "no": False}
 
 RANDOM = "random"
-
-LARGEST_CURVATURE = 100.0
-"""Of a random confinement; beyond it the pressure turns between the points that it is given at."""
 
 DRIVE = ("cycles", "end_strain", "speed")
 """Choices that a load path takes the place of."""
@@ -99,6 +98,10 @@ def _parsed(choice: str, text: str, default: object) -> object:
         return read_load_path(text)
     if choice == "confinement" and text.startswith(RANDOM):
         return _random_confinement(text)
+    if choice == "confinement":
+        return pressure_from_text("confinement=", text)
+    if choice == "end_strain":
+        return strain_from_text("end_strain=", text)
     return _number(choice, text)
 
 
@@ -109,14 +112,11 @@ def _random_confinement(text: str) -> RandomConfinement:
             f"confinement={text}: give a pressure in Pa, or {RANDOM}:V_C:SEED as {RANDOM}:3:1"
         )
     seed = numbers[1] if len(numbers) == 2 else "0"
-    if not seed.isdigit():
-        raise ConfigurationError(f"confinement={text}: the seed is a whole number from 0 on")
-    curvature = _number("confinement", numbers[0]) if numbers else 1.0
-    if not 0.0 < curvature <= LARGEST_CURVATURE:
+    if not (seed.isascii() and seed.isdigit() and len(seed) < 20 and int(seed) <= LARGEST_SEED):
         raise ConfigurationError(
-            f"confinement={text}: v_c is {curvature:g}; give one above 0 and up to "
-            f"{LARGEST_CURVATURE:g}, the thesis has 1 to 5"
+            f"confinement={text}: the seed is a whole number from 0 to {LARGEST_SEED}"
         )
+    curvature = _number("confinement", numbers[0]) if numbers else 1.0
     return RandomConfinement(curvature, int(seed))
 
 
@@ -124,5 +124,4 @@ def _number(choice: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        hint = ", in Pa, or random:V_C:SEED" if choice == "confinement" else ""
-        raise ConfigurationError(f"{choice}={text}: give a number{hint}") from None
+        raise ConfigurationError(f"{choice}={text}: give a number") from None

@@ -204,6 +204,7 @@ class Problem(abc.ABC):
         # Some boundaries depend on choices that say nothing about the body, as the surcharge does.
         own = self.meshes.get("fine", self.meshes[self.default_mesh])()
         try:
+            require_body(mesh, own)
             mesh = with_boundaries_of(mesh, own)
             require_body(mesh, own, self.loading(mesh).boundaries)
         except ConfigurationError as error:
