@@ -187,8 +187,11 @@ def tampered(file: Path, change: Callable[[xr.Dataset], xr.Dataset]) -> Path:
     with xr.open_dataset(predictions) as handle:
         content = change(handle.load())
     content.to_netcdf(predictions)
-    digest = file_digest(predictions)
-    return changed(file, lambda c: c["predictions"].update(sha256=digest))
+    return changed(file, lambda c: c["predictions"].update(digest_of(predictions)))
+
+
+def digest_of(predictions: Path) -> dict[str, str | int]:
+    return {"sha256": file_digest(predictions), "bytes": predictions.stat().st_size}
 
 
 @pytest.mark.parametrize(
@@ -215,8 +218,8 @@ def test_tampered_predictions_are_found_out(submission_file, sealed, change, com
 def test_predictions_that_are_not_netcdf_are_refused(submission_file, sealed):
     file = submission_file()
     file.with_suffix(".nc").write_bytes(b"<html>not found</html>")
-    digest = file_digest(file.with_suffix(".nc"))
-    changed(file, lambda c: c["predictions"].update(sha256=digest))
+    digest = digest_of(file.with_suffix(".nc"))
+    changed(file, lambda c: c["predictions"].update(digest))
     with pytest.raises(SubmissionError, match="is not a netCDF file"):
         validate(file, sealed)
 
@@ -249,7 +252,7 @@ def test_a_forged_ground_truth_is_found_out(plane_submission):
     content["noised_truth"][:] = content["stress"].sel(protocol=content["noise"].values).values
     content.to_netcdf(predictions)
     honest = read_submission(file)
-    reference = honest.predictions.model_copy(update={"sha256": file_digest(predictions)})
+    reference = honest.predictions.model_copy(update=digest_of(predictions))
     forged = rescored(honest.model_copy(update={"predictions": reference}), file, sealed)
     write_submission(forged, file)
     best = next(score for score in forged.scores if score.metric == "recomputed_mse_worst")
