@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from granbench.cli.drive_options import AskedCourse, scalars_at_start
 from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.cli.pictures import draw_beside_results
-from granbench.cli.printing import print_json
+from granbench.cli.printing import print_json, say
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -140,11 +140,11 @@ def drive(
     if as_json:
         print_json(_summary(answer, cell, out, plot))
     elif not quiet:
-        typer.echo(_sentence(answer, cell, out))
+        say(_sentence(answer, cell, out))
         for note in answer.notes:
-            typer.echo(f"note: {note}")
+            say(f"note: {note}")
         if getattr(cell, "pressure_dependent", False) and (note := answer.tension()):
-            typer.echo(f"note: {note}")
+            say(f"note: {note}")
 
 
 def _figure(answer: "Answer", name: str, component: str | None) -> "Figure":

@@ -155,7 +155,7 @@ def evaluate(
         show(*tables(submission, others))
         for note in json.loads(predictions.attrs.get(CELL_NOTES, "[]")):
             say(f"note: {note}")
-        typer.echo(_written(submission, out))
+        say(_written(submission, out))
 
 
 def _written(submission: "Submission", out: Path) -> str:

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from granbench.cli.drive_options import scalars_at_start
 from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.cli.pictures import draw_beside_results
-from granbench.cli.printing import note, print_json
+from granbench.cli.printing import note, print_json, say
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import AnalysisError, ConfigurationError, GranbenchError
 
@@ -163,9 +163,9 @@ def fem(
     if as_json:
         print_json(_summary(analysis, out, series, plot))
     elif not quiet:
-        typer.echo(_sentence(analysis, out))
+        say(_sentence(analysis, out))
         for remark in remarks(analysis.dataset):
-            typer.echo(f"note: {remark}")
+            say(f"note: {remark}")
 
 
 def _check_targets(out: Path, vtu: Path | None, plot: Path | None) -> None:
@@ -228,7 +228,7 @@ def _end(analysis: "Analysis", out: Path) -> None:
         kept = f"{out} holds the output up to driving strain {last:.4g} ({reached + 1} steps)"
     if isinstance(reason, AnalysisError):
         raise AnalysisError(f"{reason}; {kept}") from reason
-    typer.echo(kept, err=True)
+    say(kept, err=True)
     raise reason
 
 

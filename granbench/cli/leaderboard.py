@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from granbench.cli.printing import print_json
+from granbench.cli.printing import print_json, say
 from granbench.cli.submission import Board, Dataset, File, Json, Quiet, rerun_bar
 from granbench.errors import ConfigurationError, SubmissionError
 
@@ -52,7 +52,7 @@ def add(
     if as_json:
         print_json({"accepted": str(target), "badge": badge})
     elif not quiet:
-        typer.echo(f"{file} is accepted as {target}, {badge}")
+        say(f"{file} is accepted as {target}, {badge}")
 
 
 @app.command()
@@ -88,7 +88,7 @@ def build(
     if as_json:
         print_json({"index": str(index), "submissions": len(rows)})
     elif not quiet:
-        typer.echo(f"{index} shows {len(rows)} submissions")
+        say(f"{index} shows {len(rows)} submissions")
 
 
 @app.command()
@@ -129,10 +129,10 @@ def revalidate(
     for outcome in run(rows, folder, state):
         if outcome.complaint is not None:
             refused.append(outcome.complaint)
-            typer.echo(f"REFUSED {outcome.complaint}", err=True)
+            say(f"REFUSED {outcome.complaint}", err=True)
         elif not quiet:
-            typer.echo(f"valid   {outcome.file}{' (known)' if outcome.known else ''}")
+            say(f"valid   {outcome.file}{' (known)' if outcome.known else ''}")
     if not quiet:
-        typer.echo(f"{len(everything)} rows have their seal, {len(rows)} were validated again")
+        say(f"{len(everything)} rows have their seal, {len(rows)} were validated again")
     if refused:
         raise SubmissionError(f"{len(refused)} of {len(rows)} rows are not valid: {refused[0]}")

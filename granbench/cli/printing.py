@@ -15,9 +15,9 @@ UNLIMITED = 1_000_000
 """Columns of a pipe or file, in which no line is broken: `grep` finds whole names."""
 
 
-def say(text: object) -> None:
+def say(text: object, *, err: bool = False) -> None:
     """Print a text; control characters that a file brought are written out, not obeyed."""
-    typer.echo(printable(text))
+    typer.echo(printable(text), err=err)
 
 
 def print_json(value: Any) -> None:
@@ -27,7 +27,7 @@ def print_json(value: Any) -> None:
 
 def note(text: str) -> None:
     """Say on standard error what does not end the command."""
-    typer.echo(printable(f"note: {text}"), err=True)
+    say(f"note: {text}", err=True)
 
 
 def show(*parts: RenderableType, style: str | None = None) -> None:

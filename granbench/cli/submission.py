@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from granbench.cli.printing import print_json
+from granbench.cli.printing import print_json, say
 from granbench.errors import ConfigurationError, SubmissionError
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def validate(
         print_json(_as_json(file, examination))
     elif not quiet:
         for line in _sentences(file, examination):
-            typer.echo(line)
+            say(line)
 
 
 def _as_json(file: Path, examination: "Examination") -> dict[str, object]:
@@ -155,4 +155,4 @@ def schema() -> None:
     """Print the JSON Schema of a submission."""
     from granbench.leaderboard.submission import schema_text
 
-    typer.echo(schema_text(), nl=False)
+    say(schema_text(), nl=False)

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from granbench.cli.options import default_task, require_cores, require_folder, seed_option
 from granbench.cli.pictures import draw_beside_results
-from granbench.cli.printing import print_json
+from granbench.cli.printing import print_json, say
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError, GranbenchError
 
@@ -110,7 +110,7 @@ def train(
         print_json(description | {"folder": str(folder)})
     elif not quiet:
         run = description["training"]
-        typer.echo(
+        say(
             f"{baseline}, seed {seed}: validation loss {run['best_validation_loss']:.3g} at epoch "
             f"{run['best_epoch']} of {run['epochs']} (ended by {run['ended_by']}, "
             f"{run['seconds'] / SECONDS_PER_MINUTE:.1f} minutes); the model is in {folder}"

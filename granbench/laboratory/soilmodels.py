@@ -93,8 +93,8 @@ def _with_void_ratio(
         )
     if given is not None and abs(given - value) > SAME_VOID_RATIO:
         raise DatasetError(
-            f"{source}: gives an initial void ratio of {value:.4g} ({place}), but --e0 is {given:g}; "
-            "leave out --e0, or correct the file"
+            f"{source}: gives an initial void ratio of {value:.4g} ({place}), but --e0 is "
+            f"{given:g}; leave out --e0, or correct the file"
         )
     return ImportSettings(**(vars(settings) | {"initial_void_ratio": value}))
 
