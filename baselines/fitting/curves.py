@@ -14,11 +14,25 @@ from granbench.tensors import mean_stress, volumetric_strain
 
 CURVES = {
     "axial_strain": ("1", "axial strain"),
-    "axial_stress": ("Pa", "axial stress"),
     "deviatoric_stress": ("Pa", "deviatoric stress, axial less lateral"),
     "mean_stress": ("Pa", "mean stress"),
     "volumetric_strain": ("1", "volumetric strain, compression positive"),
+    "axial_stress": ("Pa", "axial stress"),
 }
+
+
+COLUMNS = (
+    "axial_strain",
+    *(
+        f"{kind}_{name}"
+        for kind in ("predicted", "measured")
+        for name in ("deviatoric_stress", "mean_stress", "volumetric_strain")
+    ),
+    "predicted_axial_strain",
+    "predicted_axial_stress",
+    "measured_axial_stress",
+)
+"""Variables in their order in files: new ones come last, so that the places of the others stay."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +107,7 @@ def curves_of(predicted: Sequence[tuple[str, TestBatch, Prediction]]) -> xr.Data
             roles.append(role)
     longest = max(len(row["axial_strain"]) for row in rows)
     variables = {}
-    for key in rows[0]:
+    for key in COLUMNS:
         values = np.full((len(rows), longest), np.nan)
         for place, row in enumerate(rows):
             values[place, : len(row[key])] = row[key]

@@ -312,7 +312,7 @@ class _Known:
             self.reasons.append(f"{_names(self.total)} total, not needed")
         statement = "; ".join(filter(None, self.reasons))
         if self.assumed:
-            statement = "taken as effective, for nothing in the file speaks of a pore pressure"
+            statement = "taken as effective because the file has no pore pressure"
         return KnownStresses(ways, self.deviatoric, statement, self.assumed, water)
 
     def _with_deduced_pressure(self) -> Water:
