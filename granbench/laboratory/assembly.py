@@ -119,7 +119,8 @@ def _recognised_kind(
         return None, ""
     scale = max(float(np.abs(s.values[0])) for ways in known.effective.values() for s in ways)
     if change > CONSTANT_STRESS * scale:
-        return "triaxial-undrained", f"because {known.water.name} changes and no volume was measured"
+        reason = f"because {known.water.name} changes and no volume was measured"
+        return "triaxial-undrained", reason
     if change <= NO_CHANGE * scale:
         return None, ""
     raise DatasetError(
