@@ -67,6 +67,7 @@ class TensorRows:
         self.count = len(labels)
         self.square_factor = 2.0 if dimension == 2 else 1.5
         normal = [label[0] == label[1] for label in labels]
+        self._normal_rows = [row for row, is_normal in enumerate(normal) if is_normal]
         self.normal = torch.tensor(normal, dtype=dtype).unsqueeze(-1)
         self.weight = 2.0 - self.normal
         self.spherical = outer(self.normal, self.normal)
@@ -85,8 +86,15 @@ class TensorRows:
 
     def trace(self, rows: Array) -> Array:
         """Trace of tensors (component, point), as (point,)."""
-        # One product with a vector of ones and zeros costs less than picking rows and adding.
-        return self._units(rows).trace @ rows
+        if is_tensor(rows):
+            # One product with a vector of ones and zeros costs less than picking rows and adding.
+            return self._of_torch.trace @ rows
+        # In NumPy adding costs less, and the order in which `@` sums depends on how many points there are.
+        first, *others = self._normal_rows
+        total = rows[first]
+        for row in others:
+            total = total + rows[row]
+        return total
 
     def deviator(self, rows: Array) -> Array:
         """Deviatoric part of tensors (component, point)."""
