@@ -104,20 +104,15 @@ def examine(
 
 
 def _deterministic(validated: Validated) -> bool | None:
-    """Whether the seeds of a model only drive the noise: recomputed, claimed for one seed alone."""
-    submission = validated.submission
-    if len(submission.seeds) > 1:
-        return is_deterministic(submission.scores) or None
-    if submission.model is None:
-        return submission.deterministic
-    return not submission.model.files or is_classical(submission.model.baseline) or None
+    """Whether the seeds of a model only drive the noise: recomputed, never taken from the file."""
+    return is_deterministic(validated.submission.scores) or None
 
 
 def _incomplete(submission: Submission) -> Iterator[Objection]:
-    if len(submission.seeds) < MINIMUM_SEEDS and not submission.deterministic:
+    if len(submission.seeds) < MINIMUM_SEEDS:
         yield Objection(
-            f"the board needs at least {MINIMUM_SEEDS} seeds, this has {len(submission.seeds)}; "
-            "evaluate more"
+            f"the board needs at least {MINIMUM_SEEDS} seeds, which draw the noise for a "
+            f"deterministic model too; this has {len(submission.seeds)}, evaluate more"
         )
     if left_out := [score for score in submission.scores if score.status == "not_run"]:
         yield Objection(

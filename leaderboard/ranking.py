@@ -46,9 +46,7 @@ PathErrorsByName = Mapping[str, PathErrors]
 
 def answers_once(submission: Submission) -> bool:
     """Whether a model has one answer for all of its seeds, which then only drive the noise."""
-    if len(submission.seeds) > 1:
-        return is_deterministic(submission.scores)
-    return bool(submission.deterministic)
+    return is_deterministic(submission.scores)
 
 
 def is_ranked(submission: Submission) -> bool:
@@ -62,7 +60,7 @@ def few_seeds(submission: Submission) -> bool:
     if model is not None and model.files and not is_classical(model.baseline):
         # One network under several seeds says nothing about the luck of a seed.
         return len(submission.seeds) < MINIMUM_SEEDS or answers_once(submission)
-    return len(submission.seeds) < MINIMUM_SEEDS and not answers_once(submission)
+    return len(submission.seeds) < MINIMUM_SEEDS
 
 
 def standing(submission: Submission) -> str:

@@ -155,4 +155,4 @@ def schema() -> None:
     """Print the JSON Schema of a submission."""
     from granbench.leaderboard.submission import schema_text
 
-    say(schema_text(), nl=False)
+    say(schema_text().rstrip("\n"))

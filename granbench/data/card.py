@@ -27,13 +27,13 @@ from granbench.plotting import (
     stress_space_figure,
 )
 from granbench.records import open_records, verify
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 from granbench.tensors import component_order
 from granbench.whole_file import whole_file
 
-FIGURES: dict[str, tuple[Callable[[xr.Dataset], Figure], str]] = {
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FIGURES: dict[str, tuple[Callable[[xr.Dataset], "Figure"], str]] = {
     "stress-strain": (
         dataset_figure,
         "Stress ratio and void ratio against axial strain of specimens of one grading that "

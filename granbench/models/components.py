@@ -89,7 +89,8 @@ class TensorRows:
         if is_tensor(rows):
             # One product with a vector of ones and zeros costs less than picking rows and adding.
             return self._of_torch.trace @ rows
-        # In NumPy adding costs less, and the order in which `@` sums depends on how many points there are.
+        # In NumPy adding costs less; the order in which `@` sums depends on how many points there
+        # are.
         first, *others = self._normal_rows
         total = rows[first]
         for row in others:

@@ -95,7 +95,7 @@ def test_from_a_baseline_to_the_board(granbench, task, tmp_path):
     )
     assert code == 0
     assert "noise-1.0" in out and "split ood-psd" in out
-    assert max(map(len, out.splitlines())) <= 80
+    assert "…" not in out  # nothing is cut
     submission = read_submission(tmp_path / "runs" / "persistence.json")
     assert (submission.role, submission.seeds) == ("floor", (0, 1, 2))
     assert submission.authors == ("The GranBench authors",)
@@ -170,7 +170,7 @@ def test_physics_is_checked_of_whatever_is_a_model(
     code, out, err = granbench("evaluate", model, "--task", plane_task, "--axis", "physics",
                                "--out", "out.json")  # fmt: skip
     assert code == 0, err
-    assert max(map(len, tables_of(out))) <= 80
+    assert not any("…" in line for line in tables_of(out))
     for check in CHECKS.values():
         assert check.title in out
     assert "passes" in out and "VIOLATED" not in out
@@ -188,7 +188,7 @@ def test_a_violated_law_is_loud(granbench, plane_task, tmp_path, monkeypatch):
     assert code == 0
     assert re.search(r"Zero increment .* 100 %  VIOLATED", out)
     assert "Update over ground truth, 100 at once" in out
-    assert max(map(len, tables_of(out))) <= 80
+    assert not any("…" in line for line in tables_of(out))
 
 
 def test_noise_is_shown_against_both_truths(granbench, plane_task):
@@ -252,8 +252,8 @@ def test_what_a_user_can_get_wrong_is_said_in_one_sentence(granbench, task, my_m
     refused(granbench("evaluate", "stiff_model:broken", "--task", task),
             "ZeroDivisionError", "stiff_model.py line")  # fmt: skip
     refused(granbench("evaluate", my_model, "--task", task, "--code", "ftp://x"), "code")
-    refused(granbench("submission", "validate", "absent.json"), "absent.json", "cannot be read")
-    refused(granbench("leaderboard", "add", "absent.json"), "cannot be read")
+    refused(granbench("submission", "validate", "absent.json"), "absent.json", "there is no such file")
+    refused(granbench("leaderboard", "add", "absent.json"), "there is no such file")
     refused(granbench("leaderboard", "build", "--board", "absent", "--out", "site"), "--board")
     assert not list(tmp_path.glob("*.json")) and not list(tmp_path.glob("*.nc"))
     assert not list(tmp_path.glob(".*part*"))

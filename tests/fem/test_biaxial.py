@@ -150,9 +150,9 @@ def test_meshes_have_the_thesis_gauss_points(mesh: str, points: int) -> None:
 @pytest.mark.parametrize(
     ("choices", "sentence"),
     [
-        ({"end_strain": 0.0}, "end_strain is 0; give one above 0 and below 1"),
-        ({"speed": -1.0}, "speed is -1; give one above 0, in m/s"),
-        ({"confinement": -1.0}, "confinement of -1 Pa is no pressure"),
+        ({"end_strain": 0.0}, "end_strain is 0; give one above 0 and up to"),
+        ({"speed": -1.0}, "speed is -1 m/s; give one above 0"),
+        ({"confinement": -1.0}, "confinement is -1 Pa; give a pressure"),
         ({"cycles": "many"}, "cycles cannot be 'many'; choose monotonic or cyclic or"),
         (
             {"height": 2.0},

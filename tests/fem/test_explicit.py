@@ -204,6 +204,6 @@ def test_unknown_choices_are_named() -> None:
     with pytest.raises(ConfigurationError, match="ends cannot be 'sticky'; choose rough or smooth"):
         Biaxial(ends="sticky")
     with pytest.raises(
-        ConfigurationError, match="an object of type int is no material; give a MaterialCell"
+        ConfigurationError, match="an object of type int is not a material; give a MaterialCell"
     ):
         run("biaxial", 3)

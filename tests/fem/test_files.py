@@ -201,7 +201,7 @@ def test_load_paths_may_state_their_units(tmp_path: Path, text: str) -> None:
 def test_a_load_path_beyond_the_body_is_asked_about(tmp_path: Path) -> None:
     file = tmp_path / "path.csv"
     file.write_text("time,displacement [m]\n0,0\n1,1.5\n")
-    with pytest.raises(ConfigurationError, match=r"reaches a displacement of 1.5 m.*millimetres"):
+    with pytest.raises(ConfigurationError, match=r"as far as 1.5 m.*millimetres"):
         find_problem("biaxial", load_path=read_load_path(file))
 
 

@@ -106,17 +106,21 @@ def _parsed(choice: str, text: str, default: object) -> object:
 
 
 def _random_confinement(text: str) -> RandomConfinement:
+    refusal = ConfigurationError(
+        f"confinement={text}: give a pressure in Pa, or {RANDOM}:V_C:SEED as {RANDOM}:3:1"
+    )
     word, *numbers = text.split(":")
     if word != RANDOM or len(numbers) > 2:
-        raise ConfigurationError(
-            f"confinement={text}: give a pressure in Pa, or {RANDOM}:V_C:SEED as {RANDOM}:3:1"
-        )
+        raise refusal
     seed = numbers[1] if len(numbers) == 2 else "0"
     if not (seed.isascii() and seed.isdigit() and len(seed) < 20 and int(seed) <= LARGEST_SEED):
         raise ConfigurationError(
             f"confinement={text}: the seed is a whole number from 0 to {LARGEST_SEED}"
         )
-    curvature = _number("confinement", numbers[0]) if numbers else 1.0
+    try:
+        curvature = float(numbers[0]) if numbers else 1.0
+    except ValueError:
+        raise refusal from None
     return RandomConfinement(curvature, int(seed))
 
 
