@@ -43,5 +43,7 @@ def show(*parts: RenderableType, style: str | None = None) -> None:
         if isinstance(part, Table):
             for column in part.columns:
                 column.overflow = "fold"
+                # rich would break names to leave room for sentences.
+                column.no_wrap = not any(" " in str(cell) for cell in column.cells)
         console.width = max(terminal, Measurement.get(console, options, part).minimum)
         console.print(part, style=style)

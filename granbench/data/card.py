@@ -63,7 +63,7 @@ FIGURES: dict[str, tuple[Callable[[xr.Dataset], "Figure"], str]] = {
     ),
 }
 
-PLANE_FIGURES: dict[str, tuple[Callable[[xr.Dataset], Figure], str]] = {
+PLANE_FIGURES: dict[str, tuple[Callable[[xr.Dataset], "Figure"], str]] = {
     "paths": (
         strain_path_figure,
         "Strain and stress components along the first path of the training split and of every "

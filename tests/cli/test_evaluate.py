@@ -252,7 +252,9 @@ def test_what_a_user_can_get_wrong_is_said_in_one_sentence(granbench, task, my_m
     refused(granbench("evaluate", "stiff_model:broken", "--task", task),
             "ZeroDivisionError", "stiff_model.py line")  # fmt: skip
     refused(granbench("evaluate", my_model, "--task", task, "--code", "ftp://x"), "code")
-    refused(granbench("submission", "validate", "absent.json"), "absent.json", "there is no such file")
+    refused(
+        granbench("submission", "validate", "absent.json"), "absent.json", "there is no such file"
+    )
     refused(granbench("leaderboard", "add", "absent.json"), "there is no such file")
     refused(granbench("leaderboard", "build", "--board", "absent", "--out", "site"), "--board")
     assert not list(tmp_path.glob("*.json")) and not list(tmp_path.glob("*.nc"))

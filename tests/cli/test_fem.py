@@ -323,7 +323,7 @@ def test_load_path_of_a_file_is_one_load_step_a_row_at_least(fem, tmp_path):
     (tmp_path / "path.csv").write_text("time,displacement\n0,0\n2,2e-3\n1,1e-3\n")
     refused(fem(*words), "path.csv", "not monotone in time: entry 2 is at 1 s after 2 s")
     (tmp_path / "path.csv").write_text("time [s],displacement [m]\n0,0\n1,2\n2,1\n3,3\n")
-    refused(fem(*words), "as far as 3 m", "give displacements in m")
+    refused(fem(*words), "as far as 3 m", "as displacement [mm]")
 
 
 def test_volumetric_strains_that_no_soil_has_are_said(fem):

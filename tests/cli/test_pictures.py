@@ -96,9 +96,9 @@ def test_a_trained_model_outlives_its_picture(
 
 @pytest.mark.usefixtures("broken_drawing")
 def test_a_command_that_only_draws_fails_with_its_picture(
-    records_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+    tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    assert run("data", "plot", records_file, "--out", tmp_path / "o.png") == 2
+    assert run("data", "plot", "gp-j2-mini", "--out", tmp_path / "o.png") == 2
     captured = capsys.readouterr()
     assert captured.err.startswith("error: the picture") and captured.err.count("\n") == 1
 

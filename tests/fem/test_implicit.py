@@ -11,7 +11,7 @@ from torch import Tensor
 
 from granbench.cell import ModuleCell
 from granbench.errors import AnalysisError, ConfigurationError
-from granbench.fem import ImplicitSettings, run
+from granbench.fem import Analysis, ImplicitSettings, run
 from granbench.fem.iteration import SCHEMES, SINGLE_TOLERANCE, TOLERANCE
 from granbench.fem.problems.biaxial import Biaxial
 from granbench.models import MODELS
@@ -110,18 +110,28 @@ def misleading_cell() -> ModuleCell:
     return ModuleCell(Misleading(), name="misleading", order="plane", dtype=torch.float64)
 
 
+def test_a_wrong_gradient_is_found_and_replaced_by_differences() -> None:
+    found = run(PROBLEM, misleading_cell(), solver=FEW, mesh="coarse").check()
+    exact = run(PROBLEM, elastic_cell(), solver=FEW, mesh="coarse").check()
+    np.testing.assert_allclose(found["reaction"], exact["reaction"], rtol=1e-5)
+    assert "the tangent of misleading differs" in str(found.attrs["notes"])
+
+
 def test_cell_without_a_useful_tangent_says_so_and_converges_with_a_given_stiffness() -> None:
-    failed = run(PROBLEM, misleading_cell(), solver=replace(FEW, cuts=1), mesh="coarse")
+    def run_unchecked(solver: ImplicitSettings) -> Analysis:
+        return run(PROBLEM, misleading_cell(), solver=solver, mesh="coarse", check=False)
+
+    failed = run_unchecked(replace(FEW, cuts=1))
     assert isinstance(failed.failure, AnalysisError)
     assert "load step 1 does not converge with the scheme 'newton'" in str(failed.failure)
     assert "'initial-stiffness', which needs no tangent" in str(failed.failure)
     secant = replace(FEW, scheme="initial-stiffness")
-    with pytest.raises(ConfigurationError, match="give a positive definite one as `stiffness`"):
-        run(PROBLEM, misleading_cell(), solver=secant, mesh="coarse")
+    with pytest.raises(
+        ConfigurationError, match="give ImplicitSettings a positive definite `stiffness`"
+    ):
+        run_unchecked(secant)
     stiffness = tuple(map(tuple, 1.5 * STIFFNESS))  # not even the right one
-    found = run(
-        PROBLEM, misleading_cell(), solver=replace(secant, stiffness=stiffness), mesh="coarse"
-    ).check()
+    found = run_unchecked(replace(secant, stiffness=stiffness)).check()
     exact = run(PROBLEM, elastic_cell(), solver=FEW, mesh="coarse").check()
     np.testing.assert_allclose(found["reaction"], exact["reaction"], rtol=1e-5)
 

@@ -24,7 +24,7 @@ def test_a_pressure_does_not_depend_on_the_signs_of_eigenvectors(curvature, monk
 
 
 def test_a_pressure_of_the_released_data_is_what_it_was():
-    """`biaxial-smooth-monotonic-random-100kpa` of `fem-ime` 1.0.0, whose sides bear the pressure."""
+    """`biaxial-smooth-monotonic-random-100kpa` of `fem-ime` 1.0.0: its sides carry the pressure."""
     x, pressure = RandomConfinement(4.0, seed=6, mean=1e5, deviation=2e4).pressures()
     assert pressure.shape == (STEPS + 1,) and pressure[0] == 1e5
     places = np.searchsorted(x, [0.25, 0.5, 0.75, 1.0])

@@ -111,8 +111,8 @@ class Problem(abc.ABC):
             if not farthest <= LARGEST_DRIVE * self.drive_length:
                 raise ConfigurationError(
                     f"{self.name}: the load path goes as far as {farthest:g} m, which over the "
-                    f"{self.length} of {self.drive_length:g} m is more than {LARGEST_DRIVE:g}: is it "
-                    "in millimetres? State the unit in the file's header, as displacement [mm]"
+                    f"{self.length} of {self.drive_length:g} m is more than {LARGEST_DRIVE:g}: is "
+                    "it in millimetres? State the unit in the file's header, as displacement [mm]"
                 )
         given = 0.0 if isinstance(self.confinement, RandomConfinement) else self.confinement
         if given and not SMALLEST_STRESS <= given <= LARGEST_STRESS:
