@@ -7,6 +7,7 @@ reads them, or fail. Both are looked for in what the file declares, before any v
 
 import math
 from pathlib import Path
+from typing import Any
 
 import netCDF4
 import numpy as np
@@ -143,7 +144,8 @@ def _fault(file: netCDF4.Dataset, size: int, largest: int | None) -> str | None:
                 f"declares {declared / 1e6:.0f} MB of values or more (up to variable {name!r}) in "
                 f"a file of {size / 1e6:.3g} MB, where {allowed / 1e6:.0f} MB are allowed"
             )
-    for name, described in (("", file), *file.variables.items()):
+    parts: list[tuple[str, Any]] = [("", file), *file.variables.items()]
+    for name, described in parts:
         for attribute in described.ncattrs():
             value = described.getncattr(attribute)
             attributes += len(value) if isinstance(value, str | list) else np.asarray(value).nbytes

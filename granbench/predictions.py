@@ -300,9 +300,9 @@ def _check_variables(predictions: xr.Dataset, path: Path) -> None:
             )
         if variable.dtype.kind != "f":
             raise SubmissionError(f"{path}: {name!r} does not hold numbers; {remedy}")
-    for name, coordinate in predictions.coords.items():
-        if name in LAYOUT or coordinate.ndim != 1:
-            raise SubmissionError(f"{path}: {name!r} is not a coordinate; {remedy}")
+    for label, coordinate in predictions.coords.items():
+        if label in LAYOUT or coordinate.ndim != 1:
+            raise SubmissionError(f"{path}: {str(label)!r} is not a coordinate; {remedy}")
     for name, value in predictions.attrs.items():
         if not isinstance(value, str) and np.ndim(value) > 0:
             raise SubmissionError(

@@ -4,10 +4,10 @@ A cyclic test that is thinned evenly loses its reversals; what is driven along t
 late, too little or not at all, and answers with other stiffnesses.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -107,16 +107,18 @@ def spread_rows(lengths: Floats, kept: Rows, count: int) -> Rows:
     return np.unique(np.rint(spread_places(lengths, kept, count))).astype(np.int64)
 
 
-def shown_rows(x: Sequence[float] | Floats, y: Sequence[float] | Floats, count: int) -> list[int]:
+def shown_rows(x: ArrayLike, y: ArrayLike, count: int) -> list[int]:
     """Rows of a curve that are marked in a figure: about `count`, and every reversal.
 
     Parameters
     ----------
     x, y : (row,); rows at which one is not finite are not counted
     """
-    known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    parts = [np.asarray(part, dtype=np.float64) for part in (x, y)]
+    known = np.flatnonzero(np.isfinite(parts[0]) & np.isfinite(parts[1]))
     if len(known) <= count:
         return [int(row) for row in known]
-    parts = [np.asarray(part, dtype=float)[known] for part in (x, y)]
-    kept = turning_rows((), [(part, float(np.ptp(part))) for part in parts])
-    return [int(row) for row in known[spread_rows(np.arange(len(known)) * 1.0, kept, count)]]
+    kept = turning_rows((), [(part[known], float(np.ptp(part[known]))) for part in parts])
+    return [
+        int(row) for row in known[spread_rows(np.arange(len(known), dtype=np.float64), kept, count)]
+    ]

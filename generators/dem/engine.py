@@ -49,8 +49,9 @@ class Liggghts:
             )
         self.log_path = Path(log_path)
         self._library = _load_library()
-        arguments = ["liggghts", "-log", self.log_path, "-screen", "none"]
-        argv = (ctypes.c_char_p * len(arguments))(*map(os.fsencode, arguments))
+        arguments: list[str | Path] = ["liggghts", "-log", self.log_path, "-screen", "none"]
+        encoded = [os.fsencode(argument) for argument in arguments]
+        argv = (ctypes.c_char_p * len(encoded))(*encoded)
         self._handle = ctypes.c_void_p()
         _started = True
         self._library.lammps_open_no_mpi(len(arguments), argv, ctypes.byref(self._handle))

@@ -10,10 +10,9 @@ import torch
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from granbench.boundary_values import EXPLICIT, spread_points
+from granbench.boundary_values import spread_points
 from granbench.errors import AnalysisError
 from granbench.fem import run
-from granbench.fem.analysis import settings_for
 from granbench.fem.problems.biaxial import HEIGHT, Biaxial
 from granbench.generators.campaign import Job
 from granbench.generators.classical.recorded import recorded
@@ -62,9 +61,7 @@ def run_analysis(
     cell = recording_cell(configuration["model"], configuration["parameters"])
     problem = posed(plan)
     # All paths of a dataset have the same number of steps, wherever a loading turns.
-    settings = replace(
-        settings_for(problem, EXPLICIT), outputs=configuration["steps"], turning_points=False
-    )
+    settings = replace(problem.explicit(), outputs=configuration["steps"], turning_points=False)
     # Threads that wait for each other cost more than they do, at some hundred points.
     torch.set_num_threads(1)
     histories = run(problem, cell, solver=settings, mesh=plan.mesh).check()

@@ -143,8 +143,8 @@ def drive(
         say(_sentence(answer, cell, out))
         for note in answer.notes:
             say(f"note: {note}")
-        if getattr(cell, "pressure_dependent", False) and (note := answer.tension()):
-            say(f"note: {note}")
+        if getattr(cell, "pressure_dependent", False) and (tension := answer.tension()):
+            say(f"note: {tension}")
 
 
 def _figure(answer: "Answer", name: str, component: str | None) -> "Figure":

@@ -277,7 +277,7 @@ def _columns(texts: Sequence[str] | None) -> dict[str, str]:
     """Header of each quantity, from QUANTITY=HEADER or HEADER=QUANTITY."""
     from granbench.laboratory.quantities import QUANTITIES
 
-    columns = {}
+    columns: dict[str, str] = {}
     for text in texts or ():
         first, _, rest = text.partition("=")
         front, _, last = text.rpartition("=")

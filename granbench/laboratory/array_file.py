@@ -5,7 +5,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,7 @@ def arrays_of(path: str) -> dict[str, NDArray]:
         ) from problem
 
 
-def _array(file: BinaryIO, size: int, source: str) -> NDArray:
+def _array(file: IO[bytes], size: int, source: str) -> NDArray:
     try:
         version = np.lib.format.read_magic(file)
         read_header = (

@@ -170,7 +170,7 @@ class LaboratoryTest:
         """e0, or None where it is not known."""
         return None if self.void_ratio is None else float(self.void_ratio[0])
 
-    def at(self, places: NDArray[np.float64]) -> "LaboratoryTest":
+    def at(self, places: NDArray[np.float64] | NDArray[np.int64]) -> "LaboratoryTest":
         """The test at other points, interpolated in a straight line between its own.
 
         Parameters

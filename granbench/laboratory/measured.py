@@ -83,7 +83,9 @@ def measured_quantities(table: Table, settings: ImportSettings) -> Columns:
     taken = {id(column) for column in chosen.values()}
     left_out = {header.strip().lower() for header in settings.ignore}
     recognised: dict[str, Column] = {}
-    bookkeeping, ignored, unknown = [], [], []
+    bookkeeping: list[str] = []
+    ignored: list[str] = []
+    unknown: list[str] = []
     for column in table.columns:
         if id(column) in taken or not _holds_anything(column):
             continue

@@ -123,19 +123,20 @@ def _check_redundant(
     """Refuse strains that contradict each other, as those of another sign do."""
     axial, volume = known.get("axial_strain"), known.get("volumetric_strain")
     lateral, shear = known.get("radial_strain"), known.get("deviatoric_strain")
-    symmetric = axial is not None and lateral is not None and "intermediate_strain" not in known
-    if symmetric and volume is not None:
+    by_void_ratio = _volume_by_void_ratio(measured)
+    if (
+        by_void_ratio is not None
+        and volume is not None
+        and not _same(convert(volume), by_void_ratio, volume)
+    ):
+        raise _contradiction(table, measured, ("volumetric_strain", "void_ratio"))
+    if axial is not None and lateral is not None and "intermediate_strain" not in known:
         small = axial + 2.0 * lateral
         finite = convert(axial) + 2.0 * convert(lateral)
-        if not (_same(volume, small, axial) or _same(convert(volume), finite, axial)):
-            raise _contradiction(table, measured, ("volumetric_strain", "radial_strain"))
-    by_void_ratio = _volume_by_void_ratio(measured)
-    if by_void_ratio is not None and volume is not None:
-        if not _same(convert(volume), by_void_ratio, volume):
-            raise _contradiction(table, measured, ("volumetric_strain", "void_ratio"))
-    elif by_void_ratio is not None and symmetric:
-        finite = convert(axial) + 2.0 * convert(lateral)
-        if not _same(finite, by_void_ratio, axial):
+        if volume is not None:
+            if not (_same(volume, small, axial) or _same(convert(volume), finite, axial)):
+                raise _contradiction(table, measured, ("volumetric_strain", "radial_strain"))
+        elif by_void_ratio is not None and not _same(finite, by_void_ratio, axial):
             raise _contradiction(table, measured, ("radial_strain", "void_ratio"))
     if axial is not None and volume is not None and shear is not None:
         expected = axial - volume / 3.0

@@ -119,8 +119,7 @@ class Assembly:
             nodes.setdefault(names[label], []).extend(single)
         for label in node_sets:
             listed = members.of_set(label, elements=False)
-            places = [self.node_places[node] for node in listed]
-            nodes.setdefault(names[label], []).extend(places)
+            nodes.setdefault(names[label], []).extend(self.node_places[node] for node in listed)
         return MeshContents(
             np.array(self.nodes, dtype=float).reshape(-1, 3),
             self._blocks(),

@@ -342,7 +342,7 @@ def _contents(found: _Found) -> MeshContents:
                     unnamed.add(group)
                     continue
                 lines[name] = (*lines.get(name, ()), nodes)
-    notes = ()
+    notes: tuple[str, ...] = ()
     if unnamed:
         listed = ", ".join(map(str, sorted(unnamed)[:8]))
         notes = (f"physical curves without a name are left out ({listed}); name them in Gmsh",)

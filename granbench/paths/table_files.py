@@ -13,8 +13,8 @@ from granbench.input_file import require_file
 from granbench.paths.table_layout import HEAD, Headings, IsKnown, find_headings
 from granbench.paths.table_rows import table_rows
 from granbench.paths.tables import Column, Table
-from granbench.paths.text_rows import SEPARATORS, is_number_row, read_lines
-from granbench.paths.workbook import is_workbook, read_only_sheet
+from granbench.paths.text_rows import SEPARATORS, Line, is_number_row, read_lines
+from granbench.paths.workbook import SheetRow, is_workbook, read_only_sheet
 from granbench.paths.written_numbers import Cell, cell_kind
 from granbench.units import is_unit, length_factor, split_header, time_factor, unit_factor
 
@@ -45,8 +45,10 @@ def read_table(
     """
     require_file(path, error, MOST_BYTES)
     if is_workbook(path):
-        name, lines = read_only_sheet(path, error)
-        source, separators = f"{path}, sheet {name}", ("cells",)
+        name, rows = read_only_sheet(path, error)
+        lines: Sequence[Line] | Sequence[SheetRow] = rows
+        source = f"{path}, sheet {name}"
+        separators: tuple[str, ...] = ("cells",)
     else:
         lines = read_lines(path, error, kinds)
         source, separators = str(path), SEPARATORS
