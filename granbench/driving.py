@@ -33,10 +33,10 @@ from granbench.work_budget import WorkExceeded, work_budget
 NO_TENSION = 1e-6
 """Share of the largest stress below which a tension is rounding."""
 
-WORK_OF_A_RUN = 20_000
-WORK_OF_A_STEP = 100
+WORK_OF_A_RUN = 15_000
+WORK_OF_A_STEP = 75
 """Attempts at substeps, and trials of increments, that a run may take: a sum of these. Usual runs
-take 5 to 20 a step; the sum of a test of 200 steps takes one to three minutes."""
+take 1 to 25 a step; the sum of a test of 200 steps takes about a minute of one core."""
 
 CARRIED = ("path_id", "specimen", "split", "loading_family", "seed")
 """What the answer to records keeps of them beside the strain."""

@@ -13,6 +13,7 @@ from granbench.cli.drive_options import AskedCourse, scalars_at_start
 from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import print_json, say
+from granbench.cli.waiting import spoken_progress
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -225,7 +226,16 @@ def _bar(steps: int, name: str, hidden: bool) -> Iterator[Callable[[int], None]]
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
     )  # fmt: skip
-    hidden = hidden or not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
+    no_bar, done = hidden or not console.is_terminal, 0
+
+    def advance(step: int) -> None:
+        nonlocal done
+        done = step
+        progress.update(job, completed=step)
+
+    with (
+        Progress(*columns, console=console, transient=True, disable=no_bar) as progress,
+        spoken_progress(lambda: f"driving {name}: {done} of {steps} steps", hidden or not no_bar),
+    ):
         job = progress.add_task(f"driving {name}", total=steps)
-        yield lambda step: progress.update(job, completed=step)
+        yield advance
