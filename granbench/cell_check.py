@@ -25,6 +25,7 @@ from granbench.repeated_answers import (
     ROUNDINGS,
     SHARE,
     RecordedSteps,
+    changed_by_use,
     different_answers,
     fresh_copy,
     require_same_answers,
@@ -180,6 +181,7 @@ class CellCheck:
                 f"{cell.name} was in training mode ({', '.join(training)}) and is used in "
                 "evaluation mode; call `.eval()` on its module"
             )
+        self._contents = snapshot(cell)
         with torch.no_grad():
             self._first = self._course(slice(None))
             self._require_same_again()
@@ -276,7 +278,8 @@ class CellCheck:
             return
         earlier = snapshot(self.cell)
         self._asked(self.increments[0], self._first.states[0].clone())
-        raise different_answers(self.cell, changed(earlier, snapshot(self.cell)))
+        by_call = changed(earlier, snapshot(self.cell))
+        raise different_answers(self.cell, by_call or changed_by_use(self._contents, self.cell))
 
     def _require_independent_points(self) -> None:
         """Every point on its own must be what it is in company."""

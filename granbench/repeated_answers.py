@@ -7,7 +7,7 @@ use itself.
 """
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +22,10 @@ from granbench.stress_control import surviving
 CALLS = 12
 """Calls of `step` that are kept at most, evenly spread over the use, and at least half as many
 once there were so many."""
+
+GOLDEN = 0.618034
+"""Multiples of it, without their whole parts, are evenly spread, and so is every second of them:
+they choose which points of a call are asked alone."""
 
 SHARE, ROUNDINGS = 1e-3, 100.0
 """How far an answer may differ in a batch of another size: a share of the change of stress, and
@@ -72,7 +76,7 @@ class RecordedSteps:
         self.step = cell.step
         self.stress = cell.layout["stress"]
         self.kept: list[Answers] = []
-        self.count, self.stride = 0, 1
+        self.count, self.stride, self.taken = 0, 1, 0
 
     def __call__(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """See `MaterialCell.step`."""
@@ -93,18 +97,19 @@ class RecordedSteps:
         size = stress[rows].abs().amax(dim=1).double()
         change = (stress - state[:, self.stress])[rows].abs().amax(dim=1).double()
         least = int(dstrain[rows].abs().amax(dim=1).argmin())
-        most = int(change.argmax())
         even = [round(place * (len(rows) - 1) / 3) for place in range(4)]
-        chosen = sorted({least, most, int(size.argmax()), *even})
+        chosen = sorted({least, int(change.argmax()), int(size.argmax()), *even})
         scale = torch.maximum(change, size.clamp(max=float(change.max())))[chosen]
-        alone = [len(dstrain) > 1 and place in (least, most) for place in chosen]
-        taken = rows[chosen]
+        another = chosen[int(GOLDEN * self.taken % 1.0 * len(chosen))]
+        self.taken += 1
+        alone = [len(dstrain) > 1 and place in (least, another) for place in chosen]
+        points = rows[chosen]
         self.kept.append(
             Answers(
-                dstrain[taken],
-                state[taken],
-                stress[taken].clone(),
-                after[taken].clone(),
+                dstrain[points],
+                state[points],
+                stress[points].clone(),
+                after[points].clone(),
                 scale,
                 torch.tensor(alone),
             )
@@ -117,8 +122,8 @@ class RecordedSteps:
         """All that is kept, the last first; None where the cell was not used."""
         if not self.kept:
             return None
-        parts = zip(*(vars(each).values() for each in self.kept), strict=True)
-        return Answers(*(torch.cat(part).flip(0) for part in parts))
+        together = _joined(self.kept)
+        return together.of(torch.arange(len(together.dstrain)).flip(0))
 
 
 def fresh_copy(cell: MaterialCell) -> MaterialCell | None:
@@ -152,23 +157,22 @@ def require_same_answers(
     ModelError
         If an answer differs; it names what changed in the cell.
     """
-    unused = None if fresh is None else fresh_copy(fresh)
+    untouched = None if fresh is None else fresh_copy(fresh)
     single = asked.of(asked.alone)
     now = _ask(cell, asked)
     same = _agree(now, asked) and _agree(_ask_each(cell, single), single)
     if same and (fresh is None or _agree(_ask(fresh, asked), asked)):
         return
-    by_use = [name for name in changed(before, snapshot(cell)) if not _drawn(name)]
+    by_use = changed_by_use(before, cell)
     earlier = snapshot(cell)
     again = _ask(cell, asked)
     by_call = changed(earlier, snapshot(cell))
     if any(map(_drawn, by_call)) or not _agree(again, now):
         raise different_answers(cell, by_call or by_use)
-    other = None if unused is None else fresh_copy(unused)
-    if unused is not None and other is not None:
-        mixes = not _agree(_ask_each(other, single), _ask(unused, asked).of(asked.alone))
-    else:
+    if untouched is None:
         mixes = not by_use
+    else:
+        mixes = not _agree(_ask_copies(untouched, single), _ask(untouched, asked).of(asked.alone))
     if mixes:
         raise ModelError(f"{cell.name} {MIXES_ROWS}")
     raise different_answers(cell, by_use)
@@ -202,6 +206,11 @@ def different_answers(cell: MaterialCell, names: list[str]) -> ModelError:
     )
 
 
+def changed_by_use(before: Mapping[str, Any], cell: MaterialCell) -> list[str]:
+    """Names of what a cell holds that differs from an earlier snapshot; no random numbers."""
+    return [name for name in changed(before, snapshot(cell)) if not _drawn(name)]
+
+
 def _drawn(name: str) -> bool:
     return name.startswith("random numbers")
 
@@ -229,8 +238,17 @@ def _ask(cell: MaterialCell, asked: Answers) -> Answers:
 def _ask_each(cell: MaterialCell, asked: Answers) -> Answers:
     """`_ask`, one point at a time."""
     each = [_ask(cell, asked.of(torch.tensor([row]))) for row in range(len(asked.dstrain))]
-    if not each:
-        return asked
+    return _joined(each) if each else asked
+
+
+def _ask_copies(cell: MaterialCell, asked: Answers) -> Answers:
+    """`_ask_each`, every point of a copy of its own, so that none can remember another."""
+    points = [asked.of(torch.tensor([row])) for row in range(len(asked.dstrain))]
+    each = [_ask(fresh_copy(cell) or cell, point) for point in points]
+    return _joined(each) if each else asked
+
+
+def _joined(each: Iterable[Answers]) -> Answers:
     parts = zip(*(vars(one).values() for one in each), strict=True)
     return Answers(*(torch.cat(part) for part in parts))
 
