@@ -343,7 +343,7 @@ class CellCheck:
         label = COMPONENT_ORDERS[self.cell.order][component]
         return [
             f"the tangent of {name} differs from the change of its stress {label} by "
-            f"{100.0 * share:.2g} %, as after a `detach`; Newton's method takes differences of its "
+            f"{100.0 * share:.3g} %, as after a `detach`; Newton's method takes differences of its "
             "stresses in its place"
         ]
 

@@ -33,6 +33,10 @@ roundings of the cell's floating type at the stress. Batches of other sizes are 
 order; where a point is then rounded differently, error control may take other substeps, whose
 results differ by about its tolerance."""
 
+FLAT = 0.1
+"""Where the stress of a point hardly changes, as at failure, differences are compared with this
+share of the largest change in the batch, or of the point's stress if that is less."""
+
 MIXES_ROWS = (
     "answers a point differently alone and together with others, but each row of a batch is a "
     "point of its own; take out what mixes the rows, such as batch normalisation without running "
@@ -99,7 +103,8 @@ class RecordedSteps:
         least = int(dstrain[rows].abs().amax(dim=1).argmin())
         even = [round(place * (len(rows) - 1) / 3) for place in range(4)]
         chosen = sorted({least, int(change.argmax()), int(size.argmax()), *even})
-        scale = torch.maximum(change, size.clamp(max=float(change.max())))[chosen]
+        of_all = FLAT * size.clamp(max=float(change.max()))
+        scale = torch.maximum(change, of_all)[chosen]
         another = chosen[int(GOLDEN * self.taken % 1.0 * len(chosen))]
         self.taken += 1
         alone = [len(dstrain) > 1 and place in (least, another) for place in chosen]
