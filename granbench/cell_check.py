@@ -1,6 +1,8 @@
 """The check of a cell before it is believed: to the same question it gives the same answer.
 
-A few points are taken over a few increments, again, from stored states, and one by one. What is
+A few points are taken over a few increments, again, from stored states, and one by one. After the
+use they are asked again, and so are some of the questions of the use itself, see
+`granbench.repeated_answers`. What is
 safe is put right for as long as the cell is used: modules in training mode are put into evaluation
 mode, and where gradients are missing or wrong, Newton's method takes differences. The rest is
 refused with what to change.
@@ -18,6 +20,16 @@ from granbench.cell import Conditions, MaterialCell
 from granbench.cell_contents import changed, evaluation_mode, snapshot
 from granbench.cell_form import kind, require_attributes, require_tensor
 from granbench.errors import GranbenchError, ModelError
+from granbench.repeated_answers import (
+    MIXES_ROWS,
+    ROUNDINGS,
+    SHARE,
+    RecordedSteps,
+    changed_by_use,
+    different_answers,
+    fresh_copy,
+    require_same_answers,
+)
 from granbench.step_differences import step_and_differences
 from granbench.stress_control import finite, surviving
 from granbench.tangent_check import tangent_mismatch
@@ -25,18 +37,24 @@ from granbench.tensors import COMPONENT_ORDERS, normal_mask
 from granbench.user_code import user_code
 
 POINTS, STEPS = 4, 4
+"""Four points find what mixes the rows of a batch or knows its size; four steps find a memory that
+every call writes, also one that only shows from the second step of a path."""
+
 STRAIN = 2e-4
-"""Size of the increments that are tried where none are given."""
+"""Size of the increments that are tried where none are given. They are small, so that every model
+bears them, and find only what goes wrong from the first strain on. What goes wrong at yield or at
+large stress is found after the use, in what the cell was asked then."""
 
 KNOWN = {"initial_void_ratio": 0.7, "grading_index": 1.1}
 """What is told of the points where no start is given."""
 
 REPEATED = (1e-6, 16.0)
-TOGETHER = (1e-3, 100.0)
+TOGETHER = (SHARE, ROUNDINGS)
 """How far answers may differ: a share of the largest change of stress, and roundings of the cell's
 floating type at the largest stress. Those to the same call differ by nothing but the order of
-threads. Those to batches of other sizes are rounded differently, upon which error control may take
-other substeps."""
+threads: `REPEATED` finds memories and random numbers. Those to batches of other sizes are rounded
+differently, upon which error control may take other substeps: `TOGETHER` finds points that depend
+on each other by more than that."""
 
 
 def check_cell(
@@ -83,8 +101,10 @@ def checked_cell(
         before = vars(cell).get("cheap_tangent")
         if check.by_differences:
             cell.cheap_tangent = False
+        fresh, contents = fresh_copy(cell), snapshot(cell)
         try:
-            yield check
+            with _recorded(cell) as recorded:
+                yield check
         finally:
             if check.by_differences:
                 del cell.cheap_tangent
@@ -92,6 +112,26 @@ def checked_cell(
                     cell.cheap_tangent = before
         with user_code(f"{cell.name} failed"):
             check.confirm()
+            asked = recorded.answers()
+            if asked is not None:
+                with torch.no_grad():
+                    require_same_answers(cell, asked, fresh, contents)
+
+
+@contextmanager
+def _recorded(cell: MaterialCell) -> Iterator[RecordedSteps]:
+    """Keep some of the steps that a cell takes; none of a cell that reads records."""
+    recorded = RecordedSteps(cell)
+    own = vars(cell)
+    before = own.get("step")
+    if not cell.reads_records:
+        own["step"] = recorded
+    try:
+        yield recorded
+    finally:
+        own.pop("step", None)
+        if before is not None:
+            own["step"] = before
 
 
 @dataclass(frozen=True)
@@ -141,6 +181,7 @@ class CellCheck:
                 f"{cell.name} was in training mode ({', '.join(training)}) and is used in "
                 "evaluation mode; call `.eval()` on its module"
             )
+        self._contents = snapshot(cell)
         with torch.no_grad():
             self._first = self._course(slice(None))
             self._require_same_again()
@@ -237,20 +278,8 @@ class CellCheck:
             return
         earlier = snapshot(self.cell)
         self._asked(self.increments[0], self._first.states[0].clone())
-        names = changed(earlier, snapshot(self.cell))
-        drawn = [name for name in names if name.startswith("random numbers")]
-        if drawn:
-            raise ModelError(
-                f"{self.cell.name} gives different answers to the same strain increment from the "
-                f"same state, because it draws {drawn[0]}; take dropout, noise and `rand` out of "
-                "what is scored"
-            )
-        where = f" in {', '.join(f'`{name}`' for name in names[:3])}" if names else ""
-        raise ModelError(
-            f"{self.cell.name} gives different answers to the same strain increment from the same "
-            f"state: it remembers earlier calls{where}; keep that in the state instead, as a slice "
-            "of its StateLayout that every step returns"
-        )
+        by_call = changed(earlier, snapshot(self.cell))
+        raise different_answers(self.cell, by_call or changed_by_use(self._contents, self.cell))
 
     def _require_independent_points(self) -> None:
         """Every point on its own must be what it is in company."""
@@ -258,12 +287,7 @@ class CellCheck:
             alone = self._course(slice(point, point + 1)).stress
             together = self._first.stress[point : point + 1]
             if self._difference(alone, together, *TOGETHER) > 1.0:
-                raise ModelError(
-                    f"{self.cell.name} answers a point differently alone and together with others, "
-                    "but each row of a batch is a point of its own; take out what mixes the rows, "
-                    "such as batch normalisation without running statistics, or a mean, norm or "
-                    "maximum over dimension 0"
-                )
+                raise ModelError(f"{self.cell.name} {MIXES_ROWS}")
 
     def _difference(
         self, found: Tensor, before: Tensor, share: float, roundings: float, state: bool = False
@@ -319,7 +343,7 @@ class CellCheck:
         label = COMPONENT_ORDERS[self.cell.order][component]
         return [
             f"the tangent of {name} differs from the change of its stress {label} by "
-            f"{100.0 * share:.2g} %, as after a `detach`; Newton's method takes differences of its "
+            f"{100.0 * share:.3g} %, as after a `detach`; Newton's method takes differences of its "
             "stresses in its place"
         ]
 

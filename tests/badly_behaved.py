@@ -1,6 +1,8 @@
 """Models that break one rule of material cells each, as users' own do, and what it is."""
 
+import os
 import random
+import time
 
 import numpy as np
 import torch
@@ -258,6 +260,158 @@ MIXED = [
     CachesByBatchSize,
     NormalisesTheBatch, DividesByTheLargest, SubtractsTheMean, FollowsTheFirst, KnowsTheBatchSize,
 ]  # fmt: skip
+
+
+class HardensItself(Module):
+    """Plasticity whose hardening variable is the module's own: it is written only at yield."""
+
+    def __init__(self):
+        super().__init__()
+        self.plastic = None
+
+    def forward(self, dstrain, stress):
+        if self.plastic is None or len(self.plastic) != len(dstrain):
+            self.plastic = torch.zeros(len(dstrain), 1, dtype=dstrain.dtype)
+        trial = stress + STIFFNESS * dstrain
+        mean = trial.mean(dim=1, keepdim=True)
+        deviator = trial - mean
+        size = (1.5 * (deviator**2).sum(dim=1, keepdim=True)).sqrt()
+        beyond = (size - (5e5 + 5e6 * self.plastic)).clamp(min=0.0)
+        if bool((beyond > 0.0).any()):
+            self.plastic = (self.plastic + beyond / 90e6).detach()
+        return mean + deviator * (1.0 - beyond / size.clamp(min=1.0))
+
+
+class KeepsTheLargest(Module):
+    """The largest stress of all calls and points is one number, of no batch size."""
+
+    def __init__(self):
+        super().__init__()
+        self.largest = 5e5
+
+    def forward(self, dstrain, stress):
+        size = stress.abs().amax(dim=1, keepdim=True)
+        soft = torch.where((size > 5e5) & (size < self.largest), 0.5, 1.0).to(stress)
+        self.largest = max(self.largest, float(size.max()))
+        return stress + soft * STIFFNESS * dstrain
+
+
+class CountsAtYield(Module):
+    def __init__(self):
+        super().__init__()
+        self.yielded = {"times": 0}
+
+    def forward(self, dstrain, stress):
+        self.yielded["times"] += int((stress.abs().amax(dim=1) > 5e5).sum())
+        return stress + STIFFNESS * dstrain / (1.0 + 1e-3 * self.yielded["times"])
+
+
+LATE_MEMORIES = {
+    HardensItself: "module.plastic",
+    KeepsTheLargest: "module.largest",
+    CountsAtYield: "module.yielded.times",
+}
+"""Modules with a memory that is written only at large stress, and where it is."""
+
+
+class DrawsAtYield(Module):
+    def forward(self, dstrain, stress):
+        large = bool(stress.abs().max() > 5e5)
+        return stress + STIFFNESS * dstrain * (1.0 + (0.3 * torch.rand(1) if large else 0.0))
+
+
+class DrawsForSomePoints(Module):
+    def forward(self, dstrain, stress):
+        large = (stress.amax(dim=1) > 5e5).nonzero().flatten()
+        factor = torch.ones(len(stress), 1, dtype=stress.dtype)
+        if len(large):
+            factor[large] += 0.05 * torch.from_numpy(np.random.rand(len(large), 1)).to(factor)  # noqa: NPY002
+        return stress + STIFFNESS * dstrain * factor
+
+
+class DrawsOnLargeSteps(Module):
+    def forward(self, dstrain, stress):
+        large = bool(dstrain.abs().max() > 5e-4)
+        return stress + STIFFNESS * dstrain * (1.0 + (0.1 * random.random() if large else 0.0))
+
+
+LATE_RANDOM = [DrawsAtYield, DrawsForSomePoints, DrawsOnLargeSteps]
+"""Modules that draw random numbers only at large stress or in large steps."""
+
+
+def softening(dstrain, stress, substeps):
+    """Explicit substeps of a stiffness that falls with stress: their number is seen."""
+    for _ in range(substeps):
+        stiffness = STIFFNESS / (1.0 + stress.abs().amax(dim=1, keepdim=True) / 3e5)
+        stress = stress + stiffness * dstrain / substeps
+    return stress
+
+
+class SubstepsOfTheBatch(Module):
+    def forward(self, dstrain, stress):
+        return softening(dstrain, stress, 1 + int(dstrain.abs().max() / 4e-4))
+
+
+class SubstepsOfTheLargestStress(Module):
+    def forward(self, dstrain, stress):
+        return softening(dstrain, stress, 1 + int(stress.abs().max() > 5e5))
+
+
+class SharesItsYield(Module):
+    """One point beyond yield softens all others; the count of calls has no effect."""
+
+    calls = 0
+
+    def forward(self, dstrain, stress):
+        self.calls += 1
+        soft = 0.5 if bool((stress.amax(dim=1) > 5e5).any()) else 1.0
+        return stress + soft * STIFFNESS * dstrain
+
+
+LATE_MIXED = [SubstepsOfTheBatch, SubstepsOfTheLargestStress, SharesItsYield]
+"""Modules whose points depend on each other only at large stress or in large steps."""
+
+
+class DrawsFromTheSystem(Module):
+    def forward(self, dstrain, stress):
+        return stress + STIFFNESS * dstrain * (1.0 + 0.1 * os.urandom(1)[0] / 255.0)
+
+
+class DependsOnTheClock(Module):
+    def forward(self, dstrain, stress):
+        return stress + STIFFNESS * dstrain * (1.0 + 0.1 * (time.perf_counter() * 1e4 % 1.0))
+
+
+UNSEEN = [DrawsFromTheSystem, DependsOnTheClock]
+"""Modules whose answers change, though nothing that they hold does."""
+
+
+class BuildsAtYield(Module):
+    """A cache that is built at the first use, and changes no answer."""
+
+    def __init__(self):
+        super().__init__()
+        self.factors = {}
+
+    def forward(self, dstrain, stress):
+        if bool(stress.abs().max() > 5e5):
+            self.factors.setdefault(len(stress), torch.full((len(stress), 1), STIFFNESS))
+        return stress + STIFFNESS * dstrain
+
+
+class OwnSubsteps(Module):
+    """Every point has the number of substeps of its own increment."""
+
+    def forward(self, dstrain, stress):
+        counts = 1 + (dstrain.abs().amax(dim=1) / 4e-4).long().clamp(max=20)
+        rows = [
+            softening(dstrain[n : n + 1], stress[n : n + 1], int(count))
+            for n, count in enumerate(counts)
+        ]
+        return torch.cat(rows)
+
+
+LATE_HARMLESS = [BuildsAtYield, OwnSubsteps]
 
 
 class WithoutGradients(Module):

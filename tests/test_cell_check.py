@@ -9,14 +9,20 @@ import torch
 import xarray as xr
 from badly_behaved import (
     HARMLESS,
+    LATE_HARMLESS,
+    LATE_MEMORIES,
+    LATE_MIXED,
+    LATE_RANDOM,
     MEMORIES,
     MIXED,
     RANDOM,
     REFUSED,
     STIFFNESS,
+    UNSEEN,
     WITHOUT_GRADIENTS,
     DetachesOneComponent,
     DropsOut,
+    HardensItself,
     Module,
     Plain,
     PlainBuffer,
@@ -102,6 +108,89 @@ def test_memory_that_shows_late_is_found_after_the_use(scored):
     assert check_cell(cell(Wears)) == ()
     with pytest.raises(ModelError, match=r"module\.calls"):
         predict({0: cell(Wears)}, scored, ["single-step", "window", "rollout", "noise"])
+
+
+@pytest.fixture
+def sheared() -> tuple[torch.Tensor, Conditions]:
+    """Paths up to 1 MPa and more: strain (path, step, component) of unlike sizes, and the start."""
+    share = torch.tensor([1.0, 0.5, 0.3, 0.1, 0.02], dtype=torch.float64)
+    direction = torch.tensor([1.0, -0.2, -0.2], dtype=torch.float64)
+    steps = torch.arange(61, dtype=torch.float64) * 1.2e-3
+    strain = share[:, None, None] * steps[:, None] * direction
+    return strain, Conditions(torch.full((5, 3), 1e5, dtype=torch.float64))
+
+
+def use(model: MaterialCell, sheared: tuple[torch.Tensor, Conditions]) -> None:
+    with torch.no_grad(), checked_cell(model):
+        model.rollout(*sheared)
+
+
+@pytest.mark.parametrize("dtype", [torch.float64, torch.float32])
+@pytest.mark.parametrize("module", LATE_MEMORIES, ids=lambda module: module.__name__)
+def test_memory_that_is_written_only_at_yield_is_found_in_the_use(module, dtype, sheared):
+    assert not [note for note in check_cell(cell(module, dtype=dtype)) if "earlier" in note]
+    with pytest.raises(ModelError, match=rf"remembers earlier.*{re.escape(LATE_MEMORIES[module])}"):
+        use(cell(module, dtype=dtype), sheared)
+
+
+@pytest.mark.parametrize("module", LATE_RANDOM, ids=lambda module: module.__name__)
+def test_chance_at_large_stress_is_found_in_the_use(module, sheared):
+    check_cell(cell(module))
+    with pytest.raises(ModelError, match="draws random numbers"):
+        use(cell(module), sheared)
+
+
+@pytest.mark.parametrize("dtype", [torch.float64, torch.float32])
+@pytest.mark.parametrize("module", LATE_MIXED, ids=lambda module: module.__name__)
+def test_points_that_depend_on_each_other_at_large_stress_are_found_in_the_use(
+    module, dtype, sheared
+):
+    check_cell(cell(module, dtype=dtype))
+    with pytest.raises(ModelError, match="alone and together"):
+        use(cell(module, dtype=dtype), sheared)
+
+
+@pytest.mark.parametrize("dtype", [torch.float64, torch.float32])
+@pytest.mark.parametrize("module", [Module, *LATE_HARMLESS], ids=lambda module: module.__name__)
+def test_caches_and_substeps_of_each_point_pass_the_use(module, dtype, sheared):
+    model = cell(module, dtype=dtype)
+    use(model, sheared)
+    assert "step" not in vars(model)
+
+
+def test_trials_of_newtons_method_that_harden_the_module_are_found():
+    model = cell(HardensItself)
+    programme = find_test("triaxial-drained").programme(1e5, 0.2, None)
+    control = MixedControl.of_programme(programme, strain_history([0.2], 30), "principal")
+    with (
+        pytest.raises(ModelError, match=r"module\.plastic"),
+        checked_cell(model),
+    ):
+        run_test(model, control, torch.full((1, 3), 1e5, dtype=torch.float64))
+
+
+@pytest.mark.parametrize("module", UNSEEN, ids=lambda module: module.__name__)
+def test_answers_that_change_without_a_trace_name_both_causes(module):
+    with pytest.raises(ModelError, match=r"(?s)earlier calls.*StateLayout.*clock"):
+        check_cell(cell(module))
+
+
+def test_the_use_is_repeated_in_few_calls(sheared):
+    class Counted(Module):
+        calls = 0
+
+        def forward(self, dstrain, stress):
+            type(self).calls += 1
+            return super().forward(dstrain, stress)
+
+    model = cell(Counted)
+    check_cell(model)
+    of_the_check = Counted.calls
+    Counted.calls = 0
+    with torch.no_grad(), checked_cell(model):
+        for _ in range(20):
+            model.rollout(*sheared)
+    assert Counted.calls - of_the_check - 20 * 60 <= 30
 
 
 @pytest.mark.parametrize(("name", "order"), CLASSICAL)

@@ -176,7 +176,7 @@ LAYERS = (
     ("data",),
     ("models",),
     ("element_test", "stress_control", "difference_tangent"),
-    ("cell_check", "cell_contents", "cell_form", "tangent_check"),
+    ("cell_check", "cell_contents", "cell_form", "repeated_answers", "tangent_check"),
     ("fem", "plotting.fem"),
     ("scoring",),
     ("protocols", "candidate"),

@@ -138,7 +138,7 @@ def _physics(found: Found, where: str) -> Table:
         )  # fmt: skip
     kinks = found["tangent", "kink_share"].value
     if kinks:
-        table.caption = f"{100.0 * kinks:.2g} % of the tangents are at kinks and left out\n"
+        table.caption = f"{100.0 * kinks:.3g} % of the tangents are at kinks and left out\n"
         table.caption_justify = "left"
     return table
 
