@@ -8,7 +8,7 @@ as in ``sig_xx [kPa]``. What tables are read is said in `granbench.paths.table_f
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -213,6 +213,7 @@ def _in_si(table: Table, column: Column, name: str) -> Floats:
             f"{table.source}: column {name} is in {unit!r}, which is no unit of a "
             f"{'stress' if stress else 'strain'} that is known; use {known_units(stress)}"
         )
+    column = replace(column, unit=unit or ("Pa" if stress else None))
     if fault := table.fault(column):
         row, what = fault
         raise ConfigurationError(
