@@ -82,7 +82,7 @@ class Table:
         own = DecimalMarks.of(column.cells)
         in_pascals = column.unit is not None and unit_factor(column.unit) == 1.0
         asked = points_may_group(
-            column.cells, self._marks, in_pascals=in_pascals and is_stress_unit(column.unit or "")
+            column.cells, in_pascals=in_pascals and is_stress_unit(column.unit or "")
         )
         found = (
             None if asked and is_open_point(cell) else number_of(cell, own, self._marks)

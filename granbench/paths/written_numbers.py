@@ -196,7 +196,7 @@ def number_of(cell: Cell, column: DecimalMarks, table: DecimalMarks) -> float | 
     return _as_float(text.replace(" ", "").replace("'", ""))
 
 
-FALL = 50.0
+FALL = 20.0
 """Factor by which numbers with a point are smaller than integers beside them only if that point
 separates thousands."""
 HUNDRED = 100.0
@@ -211,13 +211,12 @@ def is_open_point(cell: Cell) -> bool:
     return "." in text and _OPEN.fullmatch(text) is not None
 
 
-def points_may_group(cells: Sequence[Cell], table: DecimalMarks, *, in_pascals: bool) -> bool:
-    """Whether the points of a column may separate thousands though no decimal comma is seen.
+def points_may_group(cells: Sequence[Cell], *, in_pascals: bool) -> bool:
+    """Whether the points of a column may separate thousands, by what stands beside them.
 
     Parameters
     ----------
     cells : of the column
-    table : the decimal marks that all columns show
     in_pascals : whether it is a stress in Pa, of which less than 1000 is next to nothing
     """
     points = [cleaned(str(cell)) for cell in cells if is_open_point(cell)]
@@ -228,7 +227,8 @@ def points_may_group(cells: Sequence[Cell], table: DecimalMarks, *, in_pascals: 
     whole = max((size for size in others if size is not None), default=0.0)
     if in_pascals and max(whole, largest) < THOUSAND:
         return True
-    return whole > FALL * largest or (whole >= HUNDRED and "." not in table.shown)
+    # Where thousands are grouped, no integer beside them has four digits.
+    return HUNDRED <= whole < THOUSAND or whole > FALL * largest
 
 
 def _plain_size(cell: Cell) -> float | None:
