@@ -210,12 +210,14 @@ _DEFINITIONS: Mapping[str, re.Pattern[str]] = {
     }.items()
 }
 """What each quantity is by definition, in the form that `_means_the_same` compares."""
+_TWO_STRESSES = re.compile(r"(?:sigma|sig|s)[1a](?:sigma|sig|s)[3r]")
+_DIFFERENCE = re.compile("[-_\N{MINUS SIGN}\N{EN DASH}\N{HYPHEN}]")
 _PRIMES = re.compile("['\u2019\u2032\u00b4`\u2018\u201b]")
 _BRACKETS = re.compile(r"[(\[{][^)\]}]*[)\]}]")
 _LETTERS = {
     "σ": "sigma", "ς": "sigma", "ε": "eps", "δ": "delta", "∆": "delta", "η": "eta", "γ": "gamma",
     "τ": "tau", "φ": "phi", "ν": "nu", "/": "over", "ß": "ss", "√": "sqrt", "+": "plus",
-    "*": "times",
+    "*": "times", "×": "times", "·": "times", "⋅": "times",
 }  # fmt: skip
 
 
@@ -236,7 +238,7 @@ def known_quantity(name: str) -> str | None:
     define it, as in ``q = s1 - s3``. Another definition, as in ``q = (s1 - s3)/2``, makes it
     another quantity, and so does a minus sign in front.
     """
-    if name.strip().startswith(("-", "\N{MINUS SIGN}", "\N{EN DASH}")):
+    if name.lstrip("([{ ").startswith(("-", "\N{MINUS SIGN}", "\N{EN DASH}")):
         return None
     name, sign, definition = name.partition("=")
     if sign:
@@ -280,6 +282,8 @@ def _means_the_same(quantity: str, definition: str) -> bool:
 def _named(name: str) -> str | None:
     """The quantity of a header, or of a part of one, that names it once."""
     plain = plain_header(name)
+    if _TWO_STRESSES.search(plain) and not _DIFFERENCE.search(name):
+        return None
     primed = bool(_PRIMES.search(name))
     if found := _by_header(plain):
         return _with_state(found, "effective" if primed else None)

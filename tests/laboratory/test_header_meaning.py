@@ -91,6 +91,11 @@ def test_usual_definitions_and_harmless_remarks_are_read(
         ("epsq=2/3(eps1-eps3)", "deviatoric_strain"),
         ("eta = q/p", "stress_ratio"),
         ("eta = s1/s3", None),
+        ("s1-s3", "deviatoric_stress"),
+        ("σ1 – σ3", "deviatoric_stress"),
+        ("s1 s3", None),
+        ("s1·s3", None),
+        ("(-)eps1", None),
     ],
 )
 def test_definitions_of_invariants_are_compared(header: str, quantity: str | None) -> None:
