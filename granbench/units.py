@@ -151,6 +151,16 @@ def split_header(header: str) -> tuple[str, str | None]:
     return header, None
 
 
+def text_behind_unit(header: str) -> str:
+    """What stands behind the unit in brackets that `split_header` finds, such as ``x10``."""
+    header = " ".join(header.split())
+    _, unit = split_header(header)
+    for found in _BRACKETED.finditer(header):
+        if found["unit"] == unit and header[: found.start()].strip(" /,"):
+            return header[found.end() :].strip(" ,;:.")
+    return ""
+
+
 def split_strange_unit(header: str) -> tuple[str, str] | None:
     """Name and unit of a header that ends in brackets, whatever is between them."""
     found = re.fullmatch(
@@ -204,8 +214,8 @@ def _plain(unit: str) -> str:
     plain = re.sub(r"\b(?:foot|feet)\b", "ft", re.sub(r"\binch(es)?\b", "in", plain))
     plain = _AREA.sub(r"\g<1>2", re.sub(r"\s*(?:\bper\b|/)\s*(?=\S)", "/", plain))
     plain = re.sub(r"[\s*]+(mm|cm|m|in|ft)\s*-\s*2$", r"/\g<1>2", plain)
-    plain = re.sub(r"^(lb|kip|ton|tonne)s(?=f?/)", r"\1", plain.replace(" ", ""))
-    plain = plain.replace("/qm", "/m2").replace("tonne/", "t/")
+    plain = re.sub(r"^(lb|kip|tonne|ton)s(?=f?/)", r"\1", plain.replace(" ", ""))
+    plain = re.sub(r"^ton(?:ne)?(?=f?/m2$)", "t", plain.replace("/qm", "/m2"))
     plain = re.sub(r"\b(in|ft)\.", r"\1", plain).replace("/cent", "percent")
     plain = plain.replace("/mille", "permille").replace("/mil", "permille")
     # A full stop ends a line of text, not a unit: "kPa."

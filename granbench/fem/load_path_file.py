@@ -11,7 +11,7 @@ from granbench.errors import ConfigurationError
 from granbench.fem.loading import LoadingHistory
 from granbench.paths.table_files import read_table
 from granbench.paths.tables import Column, Table
-from granbench.units import length_factor, split_strange_unit, time_factor
+from granbench.units import length_factor, split_strange_unit, text_behind_unit, time_factor
 
 COLUMNS = {"time": "s", "displacement": "m"}
 """Names of the columns, and their units where the file states none."""
@@ -40,11 +40,21 @@ def read_load_path(file: Path | str) -> LoadingHistory:
     """
     try:
         table = read_table(
-            Path(file), ConfigurationError, lambda name: name in COLUMNS, _WANTED, "a CSV file"
+            Path(file),
+            ConfigurationError,
+            lambda name: name.lower() in COLUMNS,
+            _WANTED,
+            "a CSV file",
         )
     except ConfigurationError as error:
         raise ConfigurationError(f"load path {error}") from error
-    columns = {_name(column): column for column in table.columns if _is_asked(table, column)}
+    asked = [column for column in table.columns if _is_asked(table, column)]
+    columns = {_name(column): column for column in asked}
+    if len(columns) < len(asked):
+        raise ConfigurationError(
+            f"load path {table.source}: has a column twice: "
+            f"{', '.join(column.header for column in asked)}; keep one of each"
+        )
     if sorted(columns) != sorted(COLUMNS):
         raise ConfigurationError(
             f"load path {table.source}: has the columns {', '.join(columns) or 'none'}; give "
@@ -78,8 +88,11 @@ def _is_asked(table: Table, column: Column) -> bool:
 
 
 def _name(column: Column) -> str:
+    """The name of a column in small letters; text behind the unit makes it another column."""
+    if text_behind_unit(column.header):
+        return column.header
     name, _ = split_strange_unit(column.name) or (column.name, None)
-    return name if name in COLUMNS else column.name
+    return name.lower() if name.lower() in COLUMNS else column.name
 
 
 def _unit(column: Column) -> str | None:

@@ -18,6 +18,7 @@ from granbench.laboratory.laboratory_test import (
     apparent_kind,
 )
 from granbench.laboratory.measured import Columns, Measured, measured_quantities
+from granbench.laboratory.one_test import check_one_test
 from granbench.laboratory.plausibility import check_signs, check_units
 from granbench.laboratory.principal_strain import principal_strain, volume_measured
 from granbench.laboratory.principal_stress import principal_stress
@@ -62,8 +63,8 @@ def assemble(
         Naming file, row and column: a column is missing, unknown or has no unit, a cell is no
         number, a stress may be total or effective, columns contradict each other, the kind of test
         or an option, a stress or a strain is in the wrong unit or of the wrong sign, there are
-        fewer than five rows, the test does not start under compression, its axial strain falls
-        though it is monotonic.
+        fewer than five rows, the rows begin again, the test does not start under compression, its
+        axial strain falls though it is monotonic.
     """
     columns = measured_quantities(table, settings)
     measured = columns.quantities
@@ -90,6 +91,7 @@ def assemble(
     _check_volume_and_drainage(table, known, measured, settings, found, strain, stress)
     _check_start(table, stress, found, settings)
     _check_monotonic(table, measured, strain[:, 0], settings.monotonic)
+    check_one_test(table, strain[:, 0])
     check_units(table, measured, stress, strain, found)
     check_signs(table, measured, stress, strain)
     return LaboratoryTest(

@@ -1,6 +1,5 @@
 """Columns of a laboratory file as quantities in SI units, compression positive."""
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +14,7 @@ from granbench.laboratory.quantities import (
     listed,
     stress_of,
 )
+from granbench.laboratory.remarks import quantity_with_remark
 from granbench.laboratory.settings import ImportSettings
 from granbench.paths.tables import Column, Table
 from granbench.plausible import LARGEST_STRAIN, LARGEST_STRESS, VOID_RATIOS
@@ -22,6 +22,7 @@ from granbench.units import (
     is_stress_unit,
     known_units,
     split_strange_unit,
+    text_behind_unit,
     unit_factor,
 )
 
@@ -142,11 +143,8 @@ def _unknown(table: Table, headers: list[str]) -> DatasetError:
 
 def _recognised(column: Column) -> tuple[Column, str | None]:
     """A column and the quantity that its header names, if any; its unit may be a strange one."""
-    if column.unit is not None:
-        # What stands behind the unit counts as well, as in ``sigma1 [kPa] (total)``.
-        whole = re.sub(rf"[\[(]\s*{re.escape(column.unit)}\s*[\])]", " ", column.header, count=1)
-        if found := known_quantity(whole):
-            return column, found
+    if column.unit is not None and (behind := text_behind_unit(column.header)):
+        return column, quantity_with_remark(column.name, behind, column.unit)
     if (found := known_quantity(column.name)) or column.unit is not None:
         return column, found
     name, unit = split_strange_unit(column.header) or (column.name, None)

@@ -185,11 +185,39 @@ BOOKKEEPING = frozenset(_BOOKKEEPING.split())
 """Headers, as `plain_header` gives them, of columns that no stress and no strain follows from."""
 
 _DEFINITION = re.compile(r"=.*$")
+_SYMBOL = r"(?:sigma|sig|s)_?"
+_AXIAL = rf"{_SYMBOL}(?:11|1|axial|ax|aa|a|zz|z|v)"
+_MIDDLE = rf"{_SYMBOL}(?:22|2)"
+_LATERAL = rf"{_SYMBOL}(?:33|3|radial|rad|rr|r|h)"
+_E_AXIAL, _E_MIDDLE, _E_LATERAL = (
+    rf"(?:epsilon|eps|e)_?{label}" for label in ("(?:11|1|a|ax)", "(?:22|2)", "(?:33|3|r|rad)")
+)
+_THREE_P = rf"\({_AXIAL}\+(?:2\*?{_LATERAL}|{_MIDDLE}\+{_LATERAL})\)"
+_CHANGE = r"(?:d|delta)"
+_DEFINITIONS: Mapping[str, re.Pattern[str]] = {
+    name: re.compile(pattern)
+    for name, pattern in {
+        "axial_strain": rf"{_CHANGE}_?(h|l|z)/\1_?(?:0|i|o)|\(?(h|l)_?0-\2\)?/\2_?0",
+        "volumetric_strain": rf"{_CHANGE}_?v/v_?(?:0|i|o)|\(v_?0-v\)/v_?0"
+        rf"|{_E_AXIAL}\+(?:2\*?{_E_LATERAL}|{_E_MIDDLE}\+{_E_LATERAL})",
+        "deviatoric_strain": rf"(?:2/3\*?\({_E_AXIAL}-{_E_LATERAL}\)"
+        rf"|2\*?\({_E_AXIAL}-{_E_LATERAL}\)/3)",
+        "deviatoric_stress": rf"\(?{_AXIAL}-{_LATERAL}\)?",
+        "mean_stress": rf"{_THREE_P}/3|1/3\*?{_THREE_P}",
+        "stress_ratio": "q/p",
+        "void_ratio": r"v_?v/v_?s",
+        "excess_pore_pressure": r"uw?-(?:u_?0|bp|u_?b)",
+    }.items()
+}
+"""What each quantity is by definition, in the form that `_means_the_same` compares."""
+_TWO_STRESSES = re.compile(r"(?:sigma|sig|s)[1a](?:sigma|sig|s)[3r]")
+_DIFFERENCE = re.compile("[-_\N{MINUS SIGN}\N{EN DASH}\N{HYPHEN}]")
 _PRIMES = re.compile("['\u2019\u2032\u00b4`\u2018\u201b]")
 _BRACKETS = re.compile(r"[(\[{][^)\]}]*[)\]}]")
 _LETTERS = {
     "σ": "sigma", "ς": "sigma", "ε": "eps", "δ": "delta", "∆": "delta", "η": "eta", "γ": "gamma",
-    "τ": "tau", "φ": "phi", "ν": "nu", "/": "over", "ß": "ss", "√": "sqrt",
+    "τ": "tau", "φ": "phi", "ν": "nu", "/": "over", "ß": "ss", "√": "sqrt", "+": "plus",
+    "*": "times", "×": "times", "·": "times", "⋅": "times",
 }  # fmt: skip
 
 
@@ -198,7 +226,7 @@ def plain_header(name: str) -> str:
 
     Greek letters are spelt out, accents and everything but letters and digits are left out.
     """
-    text = unicodedata.normalize("NFKD", _DEFINITION.sub("", name)).lower()
+    text = unicodedata.normalize("NFKD", name).lower()
     return re.sub(r"[^a-z0-9]", "", "".join(_LETTERS.get(letter, letter) for letter in text))
 
 
@@ -206,13 +234,20 @@ def known_quantity(name: str) -> str | None:
     """The quantity that a header without its unit names, or None.
 
     Of a stress that the header calls effective (by a word or a prime) or total, it is the quantity
-    with that word in front. A header may name the same twice, as in ``Axial strain, eps1``.
+    with that word in front. A header may name the same twice, as in ``Axial strain, eps1``, or
+    define it, as in ``q = s1 - s3``. Another definition, as in ``q = (s1 - s3)/2``, makes it
+    another quantity, and so does a minus sign in front.
     """
+    if name.lstrip("([{ ").startswith(("-", "\N{MINUS SIGN}", "\N{EN DASH}")):
+        return None
+    name, sign, definition = name.partition("=")
+    if sign:
+        found = known_quantity(name)
+        return found if found and _means_the_same(found, definition) else None
     if found := _named(name):
         return found
-    whole = _DEFINITION.sub("", name)
-    first, _, last = whole.strip().rpartition(" ")
-    for parts in (re.split(r"[,;:()\[\]]", whole), (first, last)):
+    first, _, last = name.strip().rpartition(" ")
+    for parts in (re.split(r"[,;:()\[\]]", name), (first, last)):
         named = [_named(part) for part in parts if plain_header(part)]
         if len(named) < 2 or None in named:
             continue
@@ -224,10 +259,32 @@ def known_quantity(name: str) -> str | None:
     return None
 
 
+def _means_the_same(quantity: str, definition: str) -> bool:
+    """Whether a definition is the usual one of a quantity, or names the quantity again."""
+    if known_quantity(definition) == quantity:
+        return True
+    text = unicodedata.normalize("NFKD", definition).lower()
+    text = "".join(_LETTERS.get(c, c) if c not in "/+*" else c for c in text)
+    text = re.sub(r"[\s\[\]]|\u0301|\u0300", "", text.replace("\N{MINUS SIGN}", "-"))
+    bare = _PRIMES.sub("", text)
+    plain = stress_of(quantity)
+    if bare != text and quantity == plain and plain in _STRESSES:
+        return False  # effective on one side only
+    if quantity.startswith("effective_") and bare == text:
+        symbols = {"axial_stress": _AXIAL, "radial_stress": _LATERAL, "mean_stress": "p"}
+        pattern = symbols.get(plain)
+        if pattern and re.fullmatch(rf"{pattern}-uw?", text):
+            return True
+    usual = _DEFINITIONS.get(plain)
+    return usual is not None and usual.fullmatch(bare) is not None
+
+
 def _named(name: str) -> str | None:
     """The quantity of a header, or of a part of one, that names it once."""
     plain = plain_header(name)
-    primed = bool(_PRIMES.search(_DEFINITION.sub("", name)))
+    if _TWO_STRESSES.search(plain) and not _DIFFERENCE.search(name):
+        return None
+    primed = bool(_PRIMES.search(name))
     if found := _by_header(plain):
         return _with_state(found, "effective" if primed else None)
     # Longest first: `eff` is a part of `effective`.
@@ -261,7 +318,10 @@ def _with_state(quantity: str, state: str | None, *, primed: bool = False) -> st
 
 def is_bookkeeping(name: str) -> bool:
     """Whether a header is one of `BOOKKEEPING`, numbered or not, brackets left aside."""
-    return plain_header(_BRACKETS.sub("", name)).rstrip("0123456789") in BOOKKEEPING
+    return (
+        plain_header(_BRACKETS.sub("", _DEFINITION.sub("", name))).rstrip("0123456789")
+        in BOOKKEEPING
+    )
 
 
 def stress_of(quantity: str) -> str:

@@ -8,7 +8,7 @@ as in ``sig_xx [kPa]``. What tables are read is said in `granbench.paths.table_f
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -22,7 +22,13 @@ from granbench.paths.table_files import read_table
 from granbench.paths.tables import Column, Table
 from granbench.plausible import LARGEST_STRAIN, LARGEST_STRESS, SMALLEST_STRESS
 from granbench.tensors import COMPONENT_ORDERS, normal_mask
-from granbench.units import is_stress_unit, known_units, split_strange_unit, unit_factor
+from granbench.units import (
+    is_stress_unit,
+    known_units,
+    split_strange_unit,
+    text_behind_unit,
+    unit_factor,
+)
 
 STRAIN, STRESS = "eps_", "sig_"
 DRIVING_COLUMNS = ("eps_axial", "eps_shear")
@@ -159,7 +165,7 @@ def read_path(path: Path | str) -> PathTable:
     table = read_table(
         Path(path),
         ConfigurationError,
-        lambda name: name in KNOWN_COLUMNS,
+        lambda name: name.lower() in KNOWN_COLUMNS,
         f"columns such as {_columns_of_orders()}",
         KINDS_OF_FILES,
     )
@@ -186,9 +192,14 @@ def read_path(path: Path | str) -> PathTable:
 
 
 def _plain_name(column: Column) -> str:
-    """The name of a column, without a unit that is unknown."""
+    """The name of a column, without a unit that is unknown; headers ignore case.
+
+    Text behind the unit, as in ``eps_xx [%] x10``, makes it another column.
+    """
+    if text_behind_unit(column.header):
+        return column.header
     name, _ = split_strange_unit(column.name) or (column.name, None)
-    return name if name in KNOWN_COLUMNS else column.name
+    return name.lower() if name.lower() in KNOWN_COLUMNS else column.name
 
 
 def _in_si(table: Table, column: Column, name: str) -> Floats:
@@ -202,6 +213,7 @@ def _in_si(table: Table, column: Column, name: str) -> Floats:
             f"{table.source}: column {name} is in {unit!r}, which is no unit of a "
             f"{'stress' if stress else 'strain'} that is known; use {known_units(stress)}"
         )
+    column = replace(column, unit=unit or ("Pa" if stress else None))
     if fault := table.fault(column):
         row, what = fault
         raise ConfigurationError(

@@ -88,6 +88,8 @@ def table_rows(
         _check_row(source, line, cells, headings, error)
     rows = [_fitted(cells, count) for _, cells in kept]
     places = [line.place for line, _ in kept]  # type: ignore[attr-defined]
+    if separator == ",":
+        _refuse_filled_up_rows(source, places, rows, error)
     _refuse_second_table(source, places, rows, breaks, error)
     return places, rows
 
@@ -161,6 +163,32 @@ def _refuse_split_thousands(place: str, cells: Row, error: type[GranbenchError])
                 f"{place}: are {before!r} and {cell!r} one number, {before}{cell}? Remove the "
                 "comma that separates thousands, or the zeros before the number"
             )
+
+
+def _refuse_filled_up_rows(
+    source: str, places: Sequence[str], rows: Sequence[Row], error: type[GranbenchError]
+) -> None:
+    """Refuse ``1,158`` between commas where it fills a row that is empty at its end in others."""
+    lengths = [max((at + 1 for at, cell in enumerate(row) if cell), default=0) for row in rows]
+    shortest = min(lengths, default=0)
+    for place, row, length in zip(places, rows, lengths, strict=True):
+        if length == shortest or cell_kind(row[length - 1]) != "number":
+            continue
+        for before, cell in pairwise(row[:length]):
+            digits = str(before or "").lstrip("+-")
+            group = str(cell or "")
+            if (
+                digits.isdigit()
+                and len(digits) <= 3
+                and digits[0] != "0"
+                and len(group) == 3
+                and group.isdigit()
+            ):
+                raise error(
+                    f"{source}, {place}: are {before!r} and {cell!r} one number, {before}{cell}? "
+                    "Other rows have fewer cells. Remove the comma that separates thousands or, if "
+                    "they are two numbers, fill or remove the cells that are empty in other rows"
+                )
 
 
 def _fitted(cells: Row, count: int) -> Row:

@@ -12,9 +12,12 @@ from granbench.paths.written_numbers import (
     Cell,
     DecimalMarks,
     cell_kind,
+    is_open_point,
     number_of,
+    points_may_group,
     why_no_number,
 )
+from granbench.units import is_stress_unit, unit_factor
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,14 @@ class Table:
     def values(self, column: Column) -> NDArray[np.float64]:
         """The cells of a column as numbers, (row,), NaN where there is none; see `fault`."""
         own = DecimalMarks.of(column.cells)
-        found = (number_of(cell, own, self._marks) for cell in column.cells)
+        in_pascals = column.unit is not None and unit_factor(column.unit) == 1.0
+        asked = points_may_group(
+            column.cells, in_pascals=in_pascals and is_stress_unit(column.unit or "")
+        )
+        found = (
+            None if asked and is_open_point(cell) else number_of(cell, own, self._marks)
+            for cell in column.cells
+        )
         values = np.array([np.nan if value is None else value for value in found], dtype=float)
         return np.where(np.isfinite(values), values, np.nan)
 

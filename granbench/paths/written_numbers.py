@@ -196,6 +196,49 @@ def number_of(cell: Cell, column: DecimalMarks, table: DecimalMarks) -> float | 
     return _as_float(text.replace(" ", "").replace("'", ""))
 
 
+FALL = 20.0
+"""Factor by which numbers with a point are smaller than integers beside them only if that point
+separates thousands."""
+HUNDRED = 100.0
+THOUSAND = 1000.0
+
+
+def is_open_point(cell: Cell) -> bool:
+    """Whether a cell is a number like ``1.058``, whose point may separate thousands."""
+    if not isinstance(cell, str):
+        return False
+    text = cleaned(cell)
+    return "." in text and _OPEN.fullmatch(text) is not None
+
+
+def points_may_group(cells: Sequence[Cell], *, in_pascals: bool) -> bool:
+    """Whether the points of a column may separate thousands, by what stands beside them.
+
+    Parameters
+    ----------
+    cells : of the column
+    in_pascals : whether it is a stress in Pa, of which less than 1000 is next to nothing
+    """
+    points = [cleaned(str(cell)) for cell in cells if is_open_point(cell)]
+    if not points or "." in DecimalMarks.of(cells).shown:
+        return False
+    largest = max(abs(float(text)) for text in points)
+    others = [_plain_size(cell) for cell in cells if not is_open_point(cell)]
+    whole = max((size for size in others if size is not None), default=0.0)
+    if in_pascals and max(whole, largest) < THOUSAND:
+        return True
+    # Where thousands are grouped, no integer beside them has four digits.
+    return HUNDRED <= whole < THOUSAND or whole > FALL * largest
+
+
+def _plain_size(cell: Cell) -> float | None:
+    """Size of a number that has no mark: an integer, or a number of a workbook."""
+    if isinstance(cell, str):
+        text = cleaned(cell)
+        return abs(_as_float(text)) if _INTEGER.fullmatch(text) else None
+    return None if cell is None else abs(cell)
+
+
 def _decimal_mark(mark: str, column: DecimalMarks, table: DecimalMarks) -> str | None:
     """Which mark is decimal where a number with `mark` alone can be read in two ways."""
     marks = column if column.shown or column.grouped else table
@@ -235,6 +278,12 @@ def why_no_number(cell: Cell, column: Sequence[Cell]) -> str:
             f"holds {shown!r}, which may be {text.replace(',', '')} or "
             f"{text.replace(',', '.')}: does the comma separate thousands, or is it decimal? Write "
             f"{text.replace(',', '')} or, for the other, {text}0"
+        )
+    if is_open_point(cell) and not any("," in str(other) for other in column):
+        return (
+            f"holds {shown!r}, which may be {text.replace('.', '')} or {text}: does the point "
+            f"separate thousands, or is it decimal? Write {text.replace('.', '')} or, for the "
+            f"other, {text}0"
         )
     if mark is not None and (mixed or mark == "?"):
         return (

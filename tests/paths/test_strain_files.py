@@ -99,7 +99,7 @@ def test_one_column_is_the_history_of_a_test(table):
         ("eps_xx,eps_yy,eps_yx\n0,0,0\n", ["'eps_yx'", "did you mean"]),
         ("time,eps_xx,eps_yy,eps_xy\n0,0,0,0\n", ["column 1", "'time'", "unknown"]),
         ("0,0,0\n0.1,0,0\n", ["line 1", "without a header", "eps_xx,eps_yy,eps_xy"]),
-        ("EPS_xx,EPS_yy,EPS_xy\n0,0,0\n", ["'EPS_xx'", "did you mean eps_xx"]),
+        ("EPS_xxx,EPS_yy,EPS_xy\n0,0,0\n", ["'EPS_xxx'", "did you mean eps_xx"]),
         ("eps_xx eps_yy eps_xy\n0 0 0\n", ["has no step"]),
         ("\0\0\0\0", ["is not a text file"]),
         (PLANE + "0,0,0\n0,0.01,-2\n", ["row 2 (line 3)", "column eps_xy holds -2", "by 100"]),
@@ -235,3 +235,14 @@ def test_columns_of_dates_and_remarks_are_no_part_of_a_path(table):
     )
     assert found.columns == ("eps_11", "sig_22", "sig_33")
     np.testing.assert_array_equal(found.values[1], [0.01, 1e5, 1e5])
+
+
+@pytest.mark.parametrize("header", ["EPS_11,EPS_22,EPS_33", "Eps_11 [-],eps_22,EPS_33"])
+def test_headers_ignore_case(header, table):
+    assert table(f"{header}\n0,0,0\n0.01,0,0\n").columns == ("eps_11", "eps_22", "eps_33")
+
+
+@pytest.mark.parametrize("behind", ["x10", "/2", "(10^-3)"])
+def test_text_behind_a_unit_makes_a_column_unknown(behind, table):
+    with pytest.raises(ConfigurationError, match="is unknown"):
+        table(f"eps_11 [%] {behind},eps_22,eps_33\n0,0,0\n1,0,0\n")

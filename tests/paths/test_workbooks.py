@@ -180,3 +180,14 @@ def test_archives_that_lie_about_themselves_are_refused(tmp_path) -> None:
         archive.writestr("xl/workbook.xml", b" " * 200_000_000)
     with pytest.raises(ConfigurationError, match="unpacks to 200 MB"):
         read_sheets(path, ConfigurationError)
+
+
+@pytest.mark.parametrize("numbers", [(0.0, 400.0, 800.0, 950.5), ("0", "400", "800", "950")])
+def test_text_that_may_be_grouped_thousands_is_asked_about(numbers, tmp_path) -> None:
+    stresses = [*numbers, "1.058", "1.127"]
+    rows = [(float(row), 0.1 * row, 300.0, q) for row, q in enumerate(stresses)]
+    headers = ("eps1 [%]", "epsv [%]", "sigma3' [kPa]", "q [kPa]")
+    path = tmp_path / "test.xlsx"
+    workbook(path, {"test": sheet([headers, *rows])})
+    with pytest.raises(DatasetError, match=r"row 6.*q \[kPa\].*thousands"):
+        read_tests(path)
