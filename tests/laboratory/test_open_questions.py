@@ -119,3 +119,120 @@ def test_without_a_volume_both_kinds_of_drainage_are_named(tmp_path: Path) -> No
     columns = {"eps1 [%]": AXIAL, "s1' [kPa]": 200.0 - EXCESS + Q, "s3' [kPa]": 200.0 - EXCESS}
     with pytest.raises(DatasetError, match=r"triaxial-drained.*triaxial-undrained"):
         read(tmp_path, columns)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "Cell pressure: 500 kPa",
+        "# Back pressure (kPa) = 300",
+        "u0 [kPa],300",
+        "u_0 = 300 kPa",
+        "Stresses are total, u0 = 300 kPa",
+        "Stress type: total",
+        "Gesamtspannungen",
+        "Gegendruck 300 kPa",
+        "Saettigungsdruck: 300 kPa",
+        "Sättigungsdruck;300;kPa",
+        "Zelldruck 500 kPa",
+        "contre-pression : 300 kPa",
+        "Contrapresión = 300 kPa",
+        "Initial pore water pressure = 300 kPa",
+        "BACKPRESSURE 300",
+    ],
+)
+def test_pressures_above_the_table_are_asked_about(line: str, tmp_path: Path) -> None:
+    for above in ((line,), ("Specimen 4", line, "", "Sand")):
+        with pytest.raises(DatasetError, match=r"--stresses") as problem:
+            read(tmp_path, DRAINED, above)
+        assert line.split()[0].strip("#,;") in str(problem.value)
+        effective = read(tmp_path, DRAINED, above, stresses="effective")
+        assert effective.initial_mean_stress == pytest.approx(500e3)
+        total = read(tmp_path, DRAINED, above, stresses="total", back_pressure=3e5)
+        assert total.initial_mean_stress == pytest.approx(200e3)
+
+
+def test_pressures_above_the_table_do_not_matter_where_its_headers_settle_them(
+    tmp_path: Path,
+) -> None:
+    above = ("Cell pressure: 500 kPa", "Back pressure: 300 kPa")
+    strains = {"eps1 [%]": AXIAL, "epsv [%]": VOLUME, "q [kPa]": Q}
+    for stresses in (
+        {"sigma3' [kPa]": CELL - 300.0},
+        {"Cell pressure [kPa]": CELL, "Back pressure [kPa]": SAME + 300.0},
+    ):
+        test = read(tmp_path, strains | stresses, above)
+        assert test.initial_mean_stress == pytest.approx(200e3)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "Test type: CU",
+        "# CIU test 7",
+        "Test,CIUC-3",
+        "Undrained triaxial compression",
+        "Versuch: undrainiert",
+        "Essai non drainé",
+        "Ensayo no drenado",
+        "Drainage: closed",
+    ],
+)
+def test_an_undrained_test_is_not_read_as_another(line: str, tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match="--kind triaxial-undrained"):
+        read(tmp_path, DRAINED, (line,))
+    assert read(tmp_path, DRAINED, (line,), kind="triaxial-drained").kind == "triaxial-drained"
+    effective = {"eps1 [%]": AXIAL, "q [kPa]": Q, "p' [kPa]": 200.0 - EXCESS + Q / 3.0}
+    undrained = read(tmp_path, effective, (line,), kind="triaxial-undrained")
+    assert undrained.initial_mean_stress == pytest.approx(200e3)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["Tension positive", "# sign: tension is positive", "Zug positiv", "Compression negative",
+     "Traction positive", "Stresses (positive in tension)"],
+)  # fmt: skip
+def test_a_file_that_says_tension_positive_needs_the_option(line: str, tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match="--tension-positive"):
+        read(tmp_path, DRAINED, (line,))
+    turned = DRAINED | {name: -DRAINED[name] for name in ("eps1 [%]", "epsv [%]", "sigma3 [kPa]")}
+    test = read(tmp_path, turned, (line,), tension_positive=True)
+    np.testing.assert_allclose(test.strain, read(tmp_path, DRAINED).strain)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["Strains: logarithmic", "# natural strain", "Hencky", "True strains",
+     "Dehnungen logarithmisch", "Déformation logarithmique"],
+)  # fmt: skip
+def test_a_file_that_says_logarithmic_needs_the_option(line: str, tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match="--strain-measure logarithmic"):
+        read(tmp_path, DRAINED, (line,))
+    test = read(tmp_path, DRAINED, (line,), strain_measure="logarithmic")
+    np.testing.assert_allclose(test.axial_strain, AXIAL / 100.0)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "Consolidated drained test CD-2",
+        "Compression positive, tension negative",
+        "Total number of rows: 17",
+        "CU = 2.1 (coefficient of uniformity)",
+        "Total compression: 12 mm",
+        "Engineering strains",
+        "Sand, natural water content 4 %",
+        "Confining pressure 500 kPa",
+    ],
+)
+def test_other_lines_above_the_table_are_passed_over(line: str, tmp_path: Path) -> None:
+    assert read(tmp_path, DRAINED, (line,)).initial_mean_stress == pytest.approx(500e3)
+
+
+def test_a_line_between_the_names_and_the_rows_counts_as_well(tmp_path: Path) -> None:
+    (tmp_path / "test.dat").write_text(
+        "eps1 epsv q sigma3\n% % kPa kPa\n# back pressure 300 kPa\n"
+        + "\n".join(f"{e} {v} {q} 500" for e, v, q in zip(AXIAL, VOLUME, Q, strict=True))
+    )
+    with pytest.raises(DatasetError, match="line 3.*--stresses"):
+        read_tests(tmp_path / "test.dat")
