@@ -30,16 +30,16 @@ _TOTAL = re.compile(
     r"|(?:total|gesamt)spannung"
 )
 _WATER = re.compile(
-    r"\bback ?(?:water ?)?press|\bu ?0\b|\buo\b|\bbp\b|\bcell ?press|\bchamber ?press"
+    r"\bback ?(?:water ?)?press|\bu ?0\b|\buo\b|\bb\.?p\b|\bcell ?press|\bchamber ?press"
     r"|\bpore ?(?:water ?|fluid ?)?press|\bwater ?press|\bsaturation ?press|\bpwp\b"
-    r"|gegendruck|s(?:a|ae)ttigungsdruck|r(?:u|ue)ckdruck|wasserdruck|porendruck"
+    r"|gegendruck|s(?:a|ae)tt(?:igungs|\. ?)druck|r(?:u|ue)ckdruck|wasserdruck|porendruck"
     r"|zell(?:en)?druck|kammerdruck"
     r"|contre ?pression|pression (?:interstitielle|cellulaire|de (?:la )?cellule|d.eau)"
-    r"|contra ?presion|presion de (?:cola|poros?|celda|camara)|presion intersticial"
+    r"|contra ?pres(?:ion|sao)|poro ?pressao|pressao (?:neutra|confinante)|presion de (?:cola|poros?|celda|camara)|presion intersticial"
     r"|contro ?pressione|pressione (?:interstiziale|di cella|neutra)"
 )
 _UNDRAINED = re.compile(
-    r"\bun ?drain|\bnon ?(?:drain|drenat)|\bno ?drenad|\bnicht (?:drain|entwass)|\bohne drain"
+    r"\bun ?drain|\bnon ?(?:drain|drenat)|\b(?:no|nao) ?drenad|\bcu (?:tri|test|versuch)|\bundran|\bnicht (?:drain|entwass)|\bohne drain"
     r"|\bdrain(?:age|ed|iert)\W+(?:no|none|off|closed|nein)\b"
 )
 _UNDRAINED_NAMES = re.compile(
@@ -59,7 +59,7 @@ _TENSION = re.compile(
 _STRAIN = r"(?:strain|dehnung|deformation|deformacion|deformazion)"
 _LOGARITHM = r"(?:logarithmi|logarithmique|logaritmic|natural|naturelle|hencky|\btrue\b|vraie)"
 _LOGARITHMIC = re.compile(
-    rf"{_LOGARITHM}.*{_STRAIN}|{_STRAIN}.*{_LOGARITHM}|\bhencky\b|\blog\.? ?strain|wahre dehnung"
+    rf"{_LOGARITHM}.*{_STRAIN}|{_STRAIN}.*{_LOGARITHM}|\bhencky\b|\blog\.? ?strain|\bln strain|\blogarith?m(?!\w* (?:scale|time|axis|plot))|wahre dehnung"
     rf"|{_STRAIN}\w*\W+(?:ln|log)\b|verdadera"
 )
 

@@ -119,6 +119,9 @@ def _least_clear(measured: dict[str, Measured], settings: ImportSettings) -> flo
     """Pa; a pore pressure that begins below it may be the first reading of an excess."""
     names = ("cell_pressure", "total_radial_stress", "radial_stress")
     sizes = [float(np.abs(measured[name].values).max()) for name in names if name in measured]
+    # At their first row they are the cell pressure, or near it.
+    names = ("axial_stress", "total_axial_stress", "mean_stress", "total_mean_stress")
+    sizes += [float(abs(measured[name].values[0])) for name in names if name in measured]
     return max(LEAST_BACK_PRESSURE, SHARE_OF_CELL * max([*sizes, settings.cell_pressure or 0.0]))
 
 
@@ -144,7 +147,7 @@ def _absolute(
         name = f"{back_name} plus {header!r}" if back[0] > READING else repr(header)
         return Water(back[0] + values, change, name)
     question = (
-        f"column {header!r} begins with {0.0 if is_zero else values[0]:g} Pa, which is "
+        f"column {header!r} begins with {values[0]:g} Pa, which is "
         "either a pore pressure without a back pressure "
         "or the excess over one; give the back pressure with --back-pressure PA (0 where there was "
         "none, or where the total stresses are counted from it)"

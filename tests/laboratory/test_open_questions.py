@@ -139,6 +139,9 @@ def test_without_a_volume_both_kinds_of_drainage_are_named(tmp_path: Path) -> No
         "Contrapresión = 300 kPa",
         "Initial pore water pressure = 300 kPa",
         "BACKPRESSURE 300",
+        "B.P. 300 kPa",
+        "Sätt.druck 300",
+        "Contrapressão 300 kPa",
     ],
 )
 def test_pressures_above_the_table_are_asked_about(line: str, tmp_path: Path) -> None:
@@ -176,6 +179,8 @@ def test_pressures_above_the_table_do_not_matter_where_its_headers_settle_them(
         "Essai non drainé",
         "Ensayo no drenado",
         "Drainage: closed",
+        "Versuch undräniert",
+        "Ensaio não drenado",
     ],
 )
 def test_an_undrained_test_is_not_read_as_another(line: str, tmp_path: Path) -> None:
@@ -202,7 +207,7 @@ def test_a_file_that_says_tension_positive_needs_the_option(line: str, tmp_path:
 
 @pytest.mark.parametrize(
     "line",
-    ["Strains: logarithmic", "# natural strain", "Hencky", "True strains",
+    ["Strains: logarithmic", "# natural strain", "Hencky", "Logarithmic", "True strains",
      "Dehnungen logarithmisch", "Déformation logarithmique"],
 )  # fmt: skip
 def test_a_file_that_says_logarithmic_needs_the_option(line: str, tmp_path: Path) -> None:
