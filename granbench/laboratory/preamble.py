@@ -35,11 +35,13 @@ _WATER = re.compile(
     r"|gegendruck|s(?:a|ae)tt(?:igungs|\. ?)druck|r(?:u|ue)ckdruck|wasserdruck|porendruck"
     r"|zell(?:en)?druck|kammerdruck"
     r"|contre ?pression|pression (?:interstitielle|cellulaire|de (?:la )?cellule|d.eau)"
-    r"|contra ?pres(?:ion|sao)|poro ?pressao|pressao (?:neutra|confinante)|presion de (?:cola|poros?|celda|camara)|presion intersticial"
+    r"|contra ?pres(?:ion|sao)|poro ?pressao|pressao (?:neutra|confinante)"
+    r"|presion de (?:cola|poros?|celda|camara)|presion intersticial"
     r"|contro ?pressione|pressione (?:interstiziale|di cella|neutra)"
 )
 _UNDRAINED = re.compile(
-    r"\bun ?drain|\bnon ?(?:drain|drenat)|\b(?:no|nao) ?drenad|\bcu (?:tri|test|versuch)|\bundran|\bnicht (?:drain|entwass)|\bohne drain"
+    r"\bun ?drain|\bnon ?(?:drain|drenat)|\b(?:no|nao) ?drenad|\bcu (?:tri|test|versuch)|\bundran"
+    r"|\bnicht (?:drain|entwass)|\bohne drain"
     r"|\bdrain(?:age|ed|iert)\W+(?:no|none|off|closed|nein)\b"
 )
 _UNDRAINED_NAMES = re.compile(
@@ -59,7 +61,8 @@ _TENSION = re.compile(
 _STRAIN = r"(?:strain|dehnung|deformation|deformacion|deformazion)"
 _LOGARITHM = r"(?:logarithmi|logarithmique|logaritmic|natural|naturelle|hencky|\btrue\b|vraie)"
 _LOGARITHMIC = re.compile(
-    rf"{_LOGARITHM}.*{_STRAIN}|{_STRAIN}.*{_LOGARITHM}|\bhencky\b|\blog\.? ?strain|\bln strain|\blogarith?m(?!\w* (?:scale|time|axis|plot))|wahre dehnung"
+    rf"{_LOGARITHM}.*{_STRAIN}|{_STRAIN}.*{_LOGARITHM}|\bhencky\b|\blog\.? ?strain|\bln strain"
+    r"|\blogarith?m(?!\w* (?:scale|time|axis|plot))|wahre dehnung"
     rf"|{_STRAIN}\w*\W+(?:ln|log)\b|verdadera"
 )
 

@@ -7,6 +7,11 @@ import pytest
 
 from granbench.errors import DatasetError
 from granbench.laboratory import ImportSettings, LaboratoryTest, read_tests
+from granbench.laboratory.assembly import assemble
+from granbench.laboratory.quantities import known_quantity
+from granbench.paths.table_files import _table as table_of
+from granbench.paths.table_layout import find_headings
+from granbench.paths.workbook import SheetRow
 
 AXIAL = np.linspace(0.0, 8.0, 17)
 GROWN = AXIAL / (1.0 + AXIAL)
@@ -241,3 +246,17 @@ def test_a_line_between_the_names_and_the_rows_counts_as_well(tmp_path: Path) ->
     )
     with pytest.raises(DatasetError, match="line 3.*--stresses"):
         read_tests(tmp_path / "test.dat")
+
+
+def test_lines_above_the_table_of_a_sheet_count_as_well(tmp_path: Path) -> None:
+    rows = [SheetRow(3, ("Back pressure", 300.0)), SheetRow(5, tuple(DRAINED))]
+    rows += [
+        SheetRow(number, tuple(float(value) for value in row))
+        for number, row in enumerate(zip(*DRAINED.values(), strict=True), start=6)
+    ]
+    headings = find_headings(rows, ("cells",), lambda name: known_quantity(name) is not None)
+    assert headings is not None
+    table = table_of("test.xlsx", rows, headings, DatasetError)
+    assert table.preamble == ((3, "Back pressure 300.0"),)
+    with pytest.raises(DatasetError, match=r"row 3.*--stresses"):
+        assemble(table, ImportSettings(), "test")
