@@ -120,8 +120,8 @@ def _least_clear(measured: dict[str, Measured], settings: ImportSettings) -> flo
     names = ("cell_pressure", "total_radial_stress", "radial_stress")
     sizes = [float(np.abs(measured[name].values).max()) for name in names if name in measured]
     # At their first row they are the cell pressure, or near it.
-    names = ("axial_stress", "total_axial_stress", "mean_stress", "total_mean_stress")
-    sizes += [float(abs(measured[name].values[0])) for name in names if name in measured]
+    others = ("axial_stress", "total_axial_stress", "mean_stress", "total_mean_stress")
+    sizes += [float(abs(measured[name].values[0])) for name in others if name in measured]
     return max(LEAST_BACK_PRESSURE, SHARE_OF_CELL * max([*sizes, settings.cell_pressure or 0.0]))
 
 
