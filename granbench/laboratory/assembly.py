@@ -20,6 +20,7 @@ from granbench.laboratory.laboratory_test import (
 from granbench.laboratory.measured import Columns, Measured, measured_quantities
 from granbench.laboratory.one_test import check_one_test
 from granbench.laboratory.plausibility import check_signs, check_units
+from granbench.laboratory.preamble import refuse_undrained_as, refuse_unsettled_lines
 from granbench.laboratory.principal_strain import principal_strain, volume_measured
 from granbench.laboratory.principal_stress import principal_stress
 from granbench.laboratory.quantities import plain_header
@@ -73,6 +74,7 @@ def assemble(
             f"{table.source}: has {len(table.places)} rows of numbers, but a test needs "
             f"{FEWEST_POINTS}; give the whole record"
         )
+    refuse_unsettled_lines(table, measured, settings)
     known = effective_stresses(table, measured, settings)
     by_file, reason = _recognised_kind(table, known, measured, settings)
     # What the numbers themselves rule out does not stand because of a format's name.
@@ -88,6 +90,7 @@ def assemble(
         reason = "by the format of the file"
     if settings.kind is None:
         found = _not_against_the_numbers(found, strain, stress)
+    refuse_undrained_as(found, table, settings)
     _check_volume_and_drainage(table, known, measured, settings, found, strain, stress)
     _check_start(table, stress, found, settings)
     _check_monotonic(table, measured, strain[:, 0], settings.monotonic)

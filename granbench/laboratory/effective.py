@@ -242,8 +242,10 @@ class _Known:
                 continue
             expected = self._expected(name, lateral)
             if expected is None:
-                # Without q the first row decides, at which specimens are mostly isotropic.
-                expected, measured = lateral.values[:1], series.values[:1]
+                # Without q the first row decides, at which specimens are mostly isotropic. Beside
+                # a pore pressure that changes every row must agree: K0 tests are not isotropic.
+                rows = slice(None) if self._water_changes else slice(1)
+                expected, measured = lateral.values[rows], series.values[rows]
             else:
                 measured = series.values
             compared += 1
@@ -251,18 +253,26 @@ class _Known:
                 if state == "total" and reference[0] is None:
                     return None  # of the effective one nothing is known, it may be the same
                 return state
+        if self._expected(name, groups[0][1] or groups[1][1]) is None and self._water_changes:
+            return None
         if compared == 2:
             return "neither"
         lateral = reference[1]
         if lateral is not None and reference[0] is None:
             expected = self._expected(name, lateral)
-            below = lateral.values if expected is None else expected
             # A pore pressure below zero aside, what lies below the total stress is effective.
-            if (series.values <= below + READING).all():
+            if expected is not None and (series.values <= expected + READING).all():
                 return "effective"
         return None
 
-    def _expected(self, name: str, lateral: Series) -> Floats | None:
+    @property
+    def _water_changes(self) -> bool:
+        change = self.water.largest_change
+        return change is not None and change > READING
+
+    def _expected(self, name: str, lateral: Series | None) -> Floats | None:
+        if lateral is None:
+            return None
         if name == "radial_stress":
             return lateral.values
         if self.deviatoric is None:
@@ -275,8 +285,9 @@ class _Known:
         several = len(stresses) > 1
         about = f" The file gives {self.water.name} beside." if self.water.name else ""
         return DatasetError(
-            f"{self.source}: are {'columns' if several else 'column'} {names} total or effective "
-            f"stresses?{about} Give --stresses effective, or --stresses total with the pore "
+            f"{self.source}: {'are columns' if several else 'is column'} {names} "
+            f"{'total or effective stresses' if several else 'a total or effective stress'}?"
+            f"{about} Give --stresses effective, or --stresses total with the pore "
             "pressure as a column or, where it was constant, with --back-pressure PA"
         )
 

@@ -2,6 +2,7 @@
 
 import zipfile
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from numpy.typing import NDArray
@@ -125,4 +126,4 @@ def _with_void_ratio_as_ratio(table: Table) -> Table:
         else column
         for column in table.columns
     ]
-    return Table(table.source, table.places, columns)
+    return replace(table, columns=columns)

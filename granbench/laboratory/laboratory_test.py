@@ -106,7 +106,8 @@ class LaboratoryTest:
             raise DatasetError(
                 f"{self.source}: a test of the kind {self.kind} needs the lateral or the "
                 "volumetric strain; name its column with --column volumetric_strain=HEADER or, if "
-                "the lateral stress was held, say so with --kind triaxial-drained"
+                "the lateral stress was held, say so with --kind triaxial-drained or, if the "
+                "volume was held, with --kind triaxial-undrained"
             )
         needed = (self.strain[:, 0], self.stress[:, 0], self.stress[0])
         finite = all(np.isfinite(part).all() for part in needed)

@@ -1,5 +1,6 @@
 """Columns of a laboratory file as quantities in SI units, compression positive."""
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from granbench.laboratory.quantities import (
     is_bookkeeping,
     known_quantity,
     listed,
+    plain_header,
     stress_of,
 )
 from granbench.laboratory.remarks import quantity_with_remark
@@ -20,6 +22,7 @@ from granbench.paths.tables import Column, Table
 from granbench.plausible import LARGEST_STRAIN, LARGEST_STRESS, VOID_RATIOS
 from granbench.units import (
     is_stress_unit,
+    is_unit,
     known_units,
     split_strange_unit,
     text_behind_unit,
@@ -27,6 +30,10 @@ from granbench.units import (
 )
 
 Floats = NDArray[np.float64]
+
+MEASURED_IN_PERCENT = ("humidity", "battery")
+COUNTS = frozenset({"-", "–", "—", "−", "1", "atm"})
+"""Words that are units elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +102,8 @@ def measured_quantities(table: Table, settings: ImportSettings) -> Columns:
             continue
         column, found = _recognised(column)
         if found is None:
-            (bookkeeping if is_bookkeeping(column.header) else unknown).append(column.header)
+            passed_over = is_bookkeeping(column.header) and not _states_a_measure(column.header)
+            (bookkeeping if passed_over else unknown).append(column.header)
         elif found in recognised:
             raise _given_twice(table, recognised[found], column, found)
         elif found not in chosen:
@@ -141,8 +149,38 @@ def _unknown(table: Table, headers: list[str]) -> DatasetError:
     )
 
 
+def _states_a_measure(header: str) -> bool:
+    """Whether a header states a unit of stress or strain, which no number of a row or time has."""
+    if plain_header(header).startswith(MEASURED_IN_PERCENT):
+        return False
+    words = re.findall(r"[^\s\[\](){},;]+", header)
+    words += [word.rpartition("/")[2] for word in words if "/" in word]
+    return any(unit_factor(word) is not None for word in words if word not in COUNTS)
+
+
+def _is_of_another_dimension(unit: str | None, is_stress: bool) -> bool:
+    """Whether a header states a known unit that a stress, or a ratio, cannot have."""
+    if unit is None or not is_unit(unit):
+        return False
+    return unit_factor(unit) is None or is_stress_unit(unit) != is_stress
+
+
 def _recognised(column: Column) -> tuple[Column, str | None]:
-    """A column and the quantity that its header names, if any; its unit may be a strange one."""
+    """A column and the quantity that its header names, if any; its unit may be a strange one.
+
+    `Sr` is a lateral stress only where a unit of stress is stated; it mostly is the degree of
+    saturation.
+    """
+    column, found = _named_quantity(column)
+    if found is None:
+        return column, None
+    if plain_header(column.name) == "sr" and not (column.unit and is_stress_unit(column.unit)):
+        return column, None
+    return column, found
+
+
+def _named_quantity(column: Column) -> tuple[Column, str | None]:
+    """A column, with its unit even if it is a strange one, and the quantity of its header."""
     if column.unit is not None and (behind := text_behind_unit(column.header)):
         return column, quantity_with_remark(column.name, behind, column.unit)
     if (found := known_quantity(column.name)) or column.unit is not None:
@@ -176,6 +214,10 @@ def _column(table: Table, quantity: str, header: str) -> Column:
 def _in_si(table: Table, column: Column, quantity: str, settings: ImportSettings) -> Measured:
     about = QUANTITIES[quantity]
     given = settings.unit_of(quantity)
+    if not {quantity, stress_of(quantity)} & set(settings.units) and _is_of_another_dimension(
+        column.unit, about.is_stress
+    ):
+        given = None  # a unit for all stresses, or all strains, is not meant for this column
     unitless = quantity in ("void_ratio", "stress_ratio")
     unit = given or column.unit or ("-" if unitless else None)
     what = f"{table.source}: column {column.header!r} ({about.title})"
@@ -190,15 +232,15 @@ def _in_si(table: Table, column: Column, quantity: str, settings: ImportSettings
     if factor is None:
         raise DatasetError(
             f"{what} is in {unit!r}, which is no unit that is known: use "
-            f"{known_units(about.is_stress)}; convert the column, or say what it is in with "
-            f"{option}"
+            f"{known_units(about.is_stress)}; convert the column, say what it is in with "
+            f"{option}, or leave it out with --ignore {column.header!r}"
         )
     if is_stress_unit(unit) != about.is_stress:
         kind = "stress" if about.is_stress else "ratio"
         raise DatasetError(
             f"{what} is in {unit!r}, which is no unit of a {kind}: use "
-            f"{known_units(about.is_stress)}; correct the header, or say what it is in with "
-            f"{option}"
+            f"{known_units(about.is_stress)}; correct the header, say what it is in with "
+            f"{option}, or leave the column out with --ignore {column.header!r}"
         )
     values = factor * table.numbers(column)
     if settings.tension_positive and not unitless:

@@ -124,12 +124,13 @@ def _with_option(
 
 def _no_lateral_stress(table: Table, axial: Series | None, mean: Series | None) -> DatasetError:
     remedy = (
-        "it follows from two of q, p, axial and lateral stress: name the missing column with "
+        f"{'otherwise ' if axial is not None else ''}it follows from two of q, p, axial "
+        "and lateral stress: name the missing column with "
         "--column mean_stress=HEADER, or give a constant effective lateral stress with "
         "--lateral-stress PA, or a constant total one with --cell-pressure PA"
     )
     if axial is not None:
-        remedy += "; if this is an oedometer test, say so with --kind oedometer"
+        remedy = f"if this is an oedometer test, say so with --kind oedometer; {remedy}"
     elif mean is not None:
         remedy += "; if this is isotropic compression, say so with --kind isotropic"
     return missing(table, "the lateral stress", remedy)

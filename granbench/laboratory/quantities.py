@@ -138,8 +138,8 @@ QUANTITIES: Mapping[str, Quantity] = {
         "pwpbase basepressure basepore baseporepressure baseporewaterpressure midplanepwp "
         "midheightporepressure porepressurebase porepressureu porewaterpressureu "
         "porenwasserdruck porendruck pressioninterstitielle "
-        "pressiondeau pressiondepore presiondeporos presiondelporo presionintersticial "
-        "pressioneneutra pressioneinterstiziale",
+        "pressiondeau pressiondepore presiondeporo presiondeporos presiondelporo "
+        "presionintersticial pressioneneutra pressioneinterstiziale",
         is_stress=True,
     ),
     "excess_pore_pressure": _quantity(

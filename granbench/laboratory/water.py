@@ -18,6 +18,10 @@ and the scatter of transducers explain."""
 READING = 1e3
 """Pa; pressures are read to about 1 kPa."""
 
+LEAST_BACK_PRESSURE, SHARE_OF_CELL = 1e4, 0.05
+"""Pa, and share of the cell pressure, below which no specimen is saturated: a column that begins
+there may be the first reading of an excess over the back pressure."""
+
 
 @dataclass(frozen=True)
 class Water:
@@ -76,7 +80,8 @@ def pore_pressure(
                 f"with --ignore {excess.header!r} or --ignore {absolute.header!r}"
             )
     if absolute is not None:
-        return _absolute(source, absolute, back, back_name)
+        least = _least_clear(measured, settings)
+        return _absolute(source, absolute, back, back_name, least)
     if excess is not None:
         change = excess.values - excess.values[0]
         if back is not None:
@@ -110,25 +115,49 @@ def _back_pressure(
     return None, ""
 
 
-def _absolute(source: str, column: Measured, back: Floats | None, back_name: str) -> Water:
+def _least_clear(measured: dict[str, Measured], settings: ImportSettings) -> float:
+    """Pa; a pore pressure that begins below it may be the first reading of an excess."""
+    names = ("cell_pressure", "total_radial_stress", "radial_stress")
+    sizes = [float(np.abs(measured[name].values).max()) for name in names if name in measured]
+    # At their first row they are the cell pressure, or near it.
+    others = ("axial_stress", "total_axial_stress", "mean_stress", "total_mean_stress")
+    sizes += [float(abs(measured[name].values[0])) for name in others if name in measured]
+    return max(LEAST_BACK_PRESSURE, SHARE_OF_CELL * max([*sizes, settings.cell_pressure or 0.0]))
+
+
+def _absolute(
+    source: str, column: Measured, back: Floats | None, back_name: str, least: float
+) -> Water:
     """A column of pore pressure, which starts at the back pressure or was set to zero there."""
     values, header = column.values, column.header
     change = values - values[0]
-    if abs(values[0]) > READING + 0.01 * np.abs(values).max():
+    is_zero = abs(values[0]) <= READING + 0.01 * np.abs(values).max()
+    if not is_zero and (abs(values[0]) >= least or "total" in header.lower()):
         if back is not None and not agree(values[:1], back[:1]):
-            raise DatasetError(
-                f"{source}: column {header!r} begins with {values[0]:g} Pa, but the back pressure "
-                f"({back_name}) is {back[0]:g} Pa; a test starts at its back pressure: correct one "
-                "of them, or leave out the back pressure"
-            )
+            raise _other_start(source, column, back, back_name)
         return Water(values, change, repr(header))
+    if back is not None and not is_zero and back[0] <= READING:
+        return Water(values, change, repr(header))
+    if back is not None and not is_zero and back[0] < least:
+        if agree(values[:1], back[:1]):
+            return Water(values, change, repr(header))
+        raise _other_start(source, column, back, back_name)
     if back is not None:
         # Zero at a back pressure above zero: the column is the excess, whatever its name.
         name = f"{back_name} plus {header!r}" if back[0] > READING else repr(header)
         return Water(back[0] + values, change, name)
     question = (
-        f"column {header!r} begins with 0, which is either a pore pressure without a back pressure "
+        f"column {header!r} begins with {values[0]:g} Pa, which is "
+        "either a pore pressure without a back pressure "
         "or the excess over one; give the back pressure with --back-pressure PA (0 where there was "
         "none, or where the total stresses are counted from it)"
     )
     return Water(None, change, repr(header), question)
+
+
+def _other_start(source: str, column: Measured, back: Floats, back_name: str) -> DatasetError:
+    return DatasetError(
+        f"{source}: column {column.header!r} begins with {column.values[0]:g} Pa, but the back "
+        f"pressure ({back_name}) is {back[0]:g} Pa; a test starts at its back pressure: correct "
+        "one of them, or leave out the back pressure"
+    )

@@ -90,7 +90,9 @@ def _table(source: str, lines: Sequence, headings: Headings, error: type[Granben
         columns.append(
             _column(source, " ".join(header.split()) or f"column {at + 1}", below, cells, error)
         )
-    return Table(source, places, columns)
+    above = [*lines[: headings.at], *lines[headings.at + 1 : headings.first_row]]
+    preamble = tuple((line.number, line.text) for line in above if not line.is_blank)
+    return Table(source, places, columns, preamble)
 
 
 def _column(

@@ -52,11 +52,13 @@ class Table:
     source : file, and the sheet or path in it, for error texts
     places : where each row stands, such as `line 7`
     columns : in the order of the file
+    preamble : lines above the first row that are no names of columns: number and text
     """
 
     source: str
     places: Sequence[str]
     columns: Sequence[Column]
+    preamble: tuple[tuple[int, str], ...] = ()
 
     @classmethod
     def of_arrays(

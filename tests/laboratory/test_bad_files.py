@@ -209,8 +209,12 @@ def test_a_column_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 def test_a_strange_unit_is_overruled_by_the_one_that_the_user_gives(tmp_path: Path) -> None:
     (plain,) = read_tests(spoilt(tmp_path, lambda headers, columns: None))
-    (told,) = read_tests(spoilt(tmp_path, force), ImportSettings(units={"stress": "kPa"}))
-    np.testing.assert_array_equal(told.stress, plain.stress)
+    path = spoilt(tmp_path, force)
+    (given,) = read_tests(path, ImportSettings(units={"deviatoric_stress": "kPa"}))
+    np.testing.assert_array_equal(given.stress, plain.stress)
+    # A unit for all stresses does not make a stress of a force.
+    with pytest.raises(DatasetError, match="'kN'"):
+        read_tests(path, ImportSettings(units={"stress": "kPa"}))
 
 
 @pytest.mark.parametrize("units", ["%;%;kN;kPa", "[%];[%];[kN];[pounds]"])
