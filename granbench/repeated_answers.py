@@ -224,7 +224,7 @@ def _drawn(name: str) -> bool:
 
 
 def _is_like(answer: Any, given: Tensor) -> bool:
-    """Whether an answer has the form that it must have; what has not is refused where it is used."""
+    """Whether an answer has the form that it must have; others are refused where they are used."""
     return (
         isinstance(answer, Tensor)
         and answer.shape == given.shape
