@@ -19,19 +19,19 @@ import torch
 import xarray as xr
 
 from granbench import __version__
-from granbench.baseline import EpochReport, TrainingRequest
-from granbench.baselines.fitting.fitting import FitSettings, possible_starts, searching_cell
-from granbench.baselines.fitting.observations import TestBatch, strain_batch
-from granbench.baselines.fitting.optimisation import Effort, adam, levenberg_marquardt
-from granbench.baselines.fitting.parameter_space import ParameterSpace
-from granbench.baselines.fitting.problem import Problem
 from granbench.baselines.network_baseline import identity_of
 from granbench.baselines.training.model_files import ModelDescription, read_model, write_model
-from granbench.cell import MaterialCell
+from granbench.cells.baseline import EpochReport, TrainingRequest
+from granbench.cells.contract import MaterialCell
 from granbench.data.adapters import conditions_of, history_of
 from granbench.data.splits import select_split
 from granbench.errors import ConfigurationError, ModelError
-from granbench.folder_lock import locked_folder
+from granbench.files.folder_lock import locked_folder
+from granbench.fitting.fitting import FitSettings, possible_starts, searching_cell
+from granbench.fitting.observations import TestBatch, strain_batch
+from granbench.fitting.optimisation import Effort, adam, levenberg_marquardt
+from granbench.fitting.parameter_space import ParameterSpace
+from granbench.fitting.problem import Problem
 from granbench.models import find_model
 from granbench.models.parameter_file import write_parameters
 from granbench.tensors import component_order
@@ -59,7 +59,7 @@ class FittingRecipe:
 
 @dataclass(frozen=True)
 class FittedBaseline:
-    """A classical model fitted to the training split; see `granbench.baseline.Baseline`.
+    """A classical model fitted to the training split; see `granbench.cells.baseline.Baseline`.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class FittedBaseline:
         return tuple(self.settings)
 
     def train(self, request: TrainingRequest) -> Path:
-        """See `granbench.baseline.Baseline.train`; a finished fit is not made again.
+        """See `granbench.cells.baseline.Baseline.train`; a finished fit is not made again.
 
         Raises
         ------
@@ -168,7 +168,7 @@ class FittedBaseline:
         )
 
     def load(self, folder: Path | None, records: xr.Dataset) -> MaterialCell:
-        """See `granbench.baseline.Baseline.load`."""
+        """See `granbench.cells.baseline.Baseline.load`."""
         if folder is None:
             raise ModelError(
                 f"baseline {self.name!r} has to be fitted first: run `granbench train "

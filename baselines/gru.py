@@ -22,7 +22,7 @@ from torch import Tensor, nn
 from granbench.baselines.network_baseline import NetworkBaseline
 from granbench.baselines.training import Recipe
 from granbench.baselines.training.batches import Batch, BatchSource, ResidentBatches
-from granbench.cell import Conditions, MaterialCell, StateLayout
+from granbench.cells.contract import Conditions, MaterialCell, StateLayout
 from granbench.data.adapters import history_of
 from granbench.errors import ModelError
 from granbench.tensors import COMPONENT_ORDERS, component_order

@@ -8,8 +8,8 @@ import torch
 import xarray as xr
 from torch import Tensor
 
-from granbench.baseline import TrainingRequest
-from granbench.cell import Conditions, MaterialCell, StateLayout
+from granbench.cells.baseline import TrainingRequest
+from granbench.cells.contract import Conditions, MaterialCell, StateLayout
 from granbench.data.splits import select_split
 from granbench.errors import ModelError
 from granbench.tensors import (
@@ -114,7 +114,7 @@ def fitted_moduli(
 
 
 class LinearElasticBaseline:
-    """See `granbench.baseline.Baseline`; two moduli are fitted whenever it is loaded."""
+    """See `granbench.cells.baseline.Baseline`; two moduli are fitted whenever it is loaded."""
 
     name = "linear-elastic"
     title = "Linear elasticity, K and G fitted to the training increments"
@@ -127,7 +127,7 @@ class LinearElasticBaseline:
         )
 
     def load(self, folder: Path | None, records: xr.Dataset) -> MaterialCell:
-        """See `granbench.baseline.Baseline.load`."""
+        """See `granbench.cells.baseline.Baseline.load`."""
         order = component_order(tuple(map(str, records["component"].values)))
         training = select_split(records, "train")
         strain, stress = (training[name].values.astype(np.float64) for name in ("strain", "stress"))

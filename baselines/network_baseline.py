@@ -12,7 +12,6 @@ import xarray as xr
 from torch import Tensor, nn
 
 from granbench import __version__
-from granbench.baseline import TrainingRequest
 from granbench.baselines.training import Limits, Recipe, TrainingOutcome, train
 from granbench.baselines.training.batches import BatchSource
 from granbench.baselines.training.model_files import (
@@ -23,10 +22,11 @@ from granbench.baselines.training.model_files import (
     read_model,
     write_model,
 )
-from granbench.cell import MaterialCell
+from granbench.cells.baseline import TrainingRequest
+from granbench.cells.contract import MaterialCell
 from granbench.data.splits import select_split
 from granbench.errors import ConfigurationError, ModelError
-from granbench.folder_lock import locked_folder
+from granbench.files.folder_lock import locked_folder
 from granbench.records import content_hashes, dataset_hash
 
 
@@ -50,7 +50,7 @@ NetworkT = TypeVar("NetworkT", bound=nn.Module)
 
 @dataclass(frozen=True)
 class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
-    """An architecture with its training settings; see `granbench.baseline.Baseline`.
+    """An architecture with its training settings; see `granbench.cells.baseline.Baseline`.
 
     A subclass says what its network is, what it is trained on and which cell it becomes.
 
@@ -98,7 +98,7 @@ class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
         """The trained network as a material cell."""
 
     def train(self, request: TrainingRequest) -> Path:
-        """See `granbench.baseline.Baseline.train`."""
+        """See `granbench.cells.baseline.Baseline.train`."""
         preset = request.preset or self.presets[0]
         if preset not in self.settings:
             raise ConfigurationError(
@@ -158,7 +158,7 @@ class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
             return self.network(configuration)
 
     def load(self, folder: Path | None, records: xr.Dataset) -> MaterialCell:
-        """See `granbench.baseline.Baseline.load`."""
+        """See `granbench.cells.baseline.Baseline.load`."""
         if folder is None:
             raise ModelError(
                 f"baseline {self.name!r} has to be trained first: run `granbench train "

@@ -8,11 +8,11 @@ import torch
 import xarray as xr
 from torch import Tensor
 
-from granbench.baseline import TrainingRequest
-from granbench.cell import Conditions, MaterialCell, StateLayout
+from granbench.cells.baseline import TrainingRequest
+from granbench.cells.contract import Conditions, MaterialCell, StateLayout
 from granbench.data.adapters import path_key
 from granbench.errors import ModelError
-from granbench.schema import INTERNALS
+from granbench.records.schema import INTERNALS
 from granbench.tensors import COMPONENT_ORDERS, component_order
 
 
@@ -72,7 +72,7 @@ class OracleCell(MaterialCell):
 
 
 class OracleBaseline:
-    """See `granbench.baseline.Baseline`."""
+    """See `granbench.cells.baseline.Baseline`."""
 
     name = "oracle"
     title = "Oracle: the truth itself"
@@ -83,7 +83,7 @@ class OracleBaseline:
         raise ModelError("the oracle has nothing to train; use its name as the model")
 
     def load(self, folder: Path | None, records: xr.Dataset) -> MaterialCell:
-        """See `granbench.baseline.Baseline.load`."""
+        """See `granbench.cells.baseline.Baseline.load`."""
         return OracleCell(records)
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import xarray as xr
 from torch import Tensor
 
-from granbench.baseline import TrainingRequest
-from granbench.cell import Conditions, MaterialCell, StateLayout
+from granbench.cells.baseline import TrainingRequest
+from granbench.cells.contract import Conditions, MaterialCell, StateLayout
 from granbench.errors import ModelError
 from granbench.tensors import COMPONENT_ORDERS, component_order
 
@@ -40,7 +40,7 @@ class PersistenceCell(MaterialCell):
 
 
 class PersistenceBaseline:
-    """See `granbench.baseline.Baseline`."""
+    """See `granbench.cells.baseline.Baseline`."""
 
     name = "persistence"
     title = "Persistence: nothing changes"
@@ -51,7 +51,7 @@ class PersistenceBaseline:
         raise ModelError("persistence has nothing to train; use its name as the model")
 
     def load(self, folder: Path | None, records: xr.Dataset) -> MaterialCell:
-        """See `granbench.baseline.Baseline.load`."""
+        """See `granbench.cells.baseline.Baseline.load`."""
         order = component_order(tuple(map(str, records["component"].values)))
         return PersistenceCell(order, has_void_ratio="void_ratio" in records)
 

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from granbench.baselines.recurrent_network import STATES, RecurrentNetwork
-from granbench.cell import Conditions, History, MaterialCell, StateLayout
+from granbench.cells.contract import Conditions, History, MaterialCell, StateLayout
 from granbench.data.adapters import accumulated_strain
 from granbench.errors import ModelError
 

@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 from granbench.baselines.gru import GruCell, GruConfiguration, GruNetwork
-from granbench.cell import Conditions, MaterialCell
+from granbench.cells.contract import Conditions, MaterialCell
 from granbench.fem import ExplicitSettings, ImplicitSettings, PlaneMesh, rectangle, run
 from granbench.fem.gauss_points import GaussPoints
 from granbench.fem.operators import build_operators

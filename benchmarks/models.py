@@ -21,7 +21,7 @@ from rich.console import Console
 from rich.table import Table
 from torch import Tensor
 
-from granbench.cell import Conditions
+from granbench.cells.contract import Conditions
 from granbench.models import MODELS, ClassicalCell
 from granbench.models.j2 import J2
 

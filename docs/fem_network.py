@@ -11,8 +11,8 @@ import xarray as xr
 from matplotlib.figure import Figure
 from page_parts import table
 
-from granbench.cell import MaterialCell
-from granbench.driven_model import ModelChoice
+from granbench.cells import MaterialCell
+from granbench.element_test.driven_model import ModelChoice
 from granbench.fem import Problem, find_problem, run
 from granbench.leaderboard.board import default_folder
 from granbench.models import MODELS

@@ -14,11 +14,11 @@ import torch
 from model_curves import EVIDENCE, Comparison, Evidence
 from page_parts import table, with_parts, write_picture
 
-from granbench.cell import Conditions
+from granbench.cells import Conditions
 from granbench.models import MODELS, ClassicalCell, Parameter
 from granbench.paths.mixed_control import isotropic_stress
 from granbench.plotting.model import model_figure
-from granbench.schema import SCHEMA
+from granbench.records.schema import SCHEMA
 from granbench.tensors import COMPONENT_ORDERS
 
 MODEL_PAGES = Path(__file__).parent / "models"

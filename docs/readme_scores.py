@@ -10,14 +10,13 @@ from pathlib import Path
 
 from page_parts import table, with_part
 
-from granbench.axes import EMBEDDED
-from granbench.boundary_values import SOLVERS
+from granbench.benchmark.protocols import EMBEDDED
+from granbench.benchmark.scorecard import ALL, Score
+from granbench.fem.statement import SOLVERS
 from granbench.leaderboard.board import accepted, default_folder
 from granbench.leaderboard.reference import replicate_scatters
 from granbench.leaderboard.submission import Submission
 from granbench.leaderboard.tables import RANKED_PROTOCOL, main_table, number, share
-from granbench.scoring import Score
-from granbench.scoring.scorecard import ALL
 
 README = Path(__file__).parents[1] / "README.md"
 TASK, SPLIT, METRIC = "dem-triaxial", "test", "stress_mse_mean"

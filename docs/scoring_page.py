@@ -12,11 +12,11 @@ from pathlib import Path
 
 from page_parts import table, with_part
 
-from granbench.axes import COST
-from granbench.checks import CHECKS
+from granbench.benchmark.axes.embedded.metrics import EMBEDDED_METRICS, SPEED, EmbeddedMetric
+from granbench.benchmark.axes.physics.checks import CHECKS
+from granbench.benchmark.protocols import COST
+from granbench.benchmark.scorecard import ALL
 from granbench.leaderboard.submission import Submission, read_submission
-from granbench.scoring.embedded_metrics import EMBEDDED_METRICS, SPEED, EmbeddedMetric
-from granbench.scoring.scorecard import ALL
 
 PAGE = Path(__file__).parent / "scoring.md"
 

@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from granbench.errors import ConfigurationError
+from granbench.files.whole_file import FULL_DISK, whole_file
 from granbench.generators.sealed_record import FILES, damage, digests_of, read_record, sealed
-from granbench.whole_file import FULL_DISK, whole_file
 
 RESULT_FILE = "job.json"
 OPEN_FILE = "open"

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import xarray as xr
 
+from granbench.benchmark.predictions import open_predictions
 from granbench.errors import GranbenchError
 from granbench.leaderboard.originality import (
     Errors,
@@ -21,7 +22,6 @@ from granbench.leaderboard.rerunning import Progress
 from granbench.leaderboard.rows import Row, accepted, place_on
 from granbench.leaderboard.submission import Submission
 from granbench.leaderboard.validation import Validated, recompute
-from granbench.predictions import open_predictions
 
 MINIMUM_SEEDS = 3
 

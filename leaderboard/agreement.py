@@ -4,13 +4,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from granbench.axes import COST, EMBEDDED, PHYSICS
-from granbench.checks import CHECKS
+from granbench.benchmark.axes.embedded.metrics import SPEED
+from granbench.benchmark.axes.physics.checks import CHECKS
+from granbench.benchmark.protocols import COST, EMBEDDED, PHYSICS
+from granbench.benchmark.scorecard import ALL, Curve, Score, Scorecard
 from granbench.errors import SubmissionError
 from granbench.leaderboard.submission import Submission
-from granbench.scoring import Curve, Score
-from granbench.scoring.embedded_metrics import SPEED
-from granbench.scoring.scorecard import ALL, Scorecard
 
 REACTION_ERROR = "reaction_error"
 TIMED = "update_"

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from granbench.axes import EMBEDDED
-from granbench.boundary_values import SOLVERS
+from granbench.benchmark.axes.embedded.metrics import EMBEDDED_METRICS, SPEED, TITLES
+from granbench.benchmark.protocols import EMBEDDED
+from granbench.benchmark.scorecard import ALL, Score
+from granbench.fem.statement import SOLVERS
 from granbench.leaderboard.chart import Line, not_zero, share_chart
 from granbench.leaderboard.submission import Submission
 from granbench.leaderboard.tables import (
@@ -20,9 +22,6 @@ from granbench.leaderboard.tables import (
     share,
 )
 from granbench.plotting.style import model_styles
-from granbench.scoring import Score
-from granbench.scoring.embedded_metrics import EMBEDDED_METRICS, SPEED, TITLES
-from granbench.scoring.scorecard import ALL
 
 REACTION, REACHED = "reaction_error", "reached_share"
 ERROR_POINTS = "error_point_share"

@@ -10,13 +10,13 @@ from pathlib import Path
 import xarray as xr
 
 from granbench.errors import SubmissionError
+from granbench.files.whole_file import cannot_write
 from granbench.leaderboard.admission import MINIMUM_SEEDS, Examination, examine
 from granbench.leaderboard.model_files import moved
 from granbench.leaderboard.rerunning import Progress
 from granbench.leaderboard.rows import Row, accepted, default_folder, place_on, slug
 from granbench.leaderboard.sealing import sealed
 from granbench.leaderboard.submission import Submission, write_submission
-from granbench.whole_file import cannot_write
 
 LONGEST_WORD = 400
 

@@ -12,10 +12,14 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from granbench import __version__
-from granbench.axes import EMBEDDED, PROTOCOLS
-from granbench.checks import CHECKS
+from granbench.benchmark.axes.embedded.metrics import EMBEDDED_METRICS
+from granbench.benchmark.axes.physics.checks import CHECKS
+from granbench.benchmark.metrics import METRIC_VERSION
+from granbench.benchmark.protocols import EMBEDDED, PROTOCOLS
+from granbench.benchmark.scorecard import ALL
 from granbench.data.replicates import ReplicateScatter
 from granbench.errors import ConfigurationError, SubmissionError
+from granbench.files.whole_file import cannot_write
 from granbench.leaderboard.agreement import lost_analyses
 from granbench.leaderboard.analyses import analyses_charts, analyses_tables
 from granbench.leaderboard.chart import horizon_chart
@@ -32,10 +36,6 @@ from granbench.leaderboard.tables import (
     main_table,
     metrics_shown,
 )
-from granbench.scoring import METRIC_VERSION
-from granbench.scoring.embedded_metrics import EMBEDDED_METRICS
-from granbench.scoring.scorecard import ALL
-from granbench.whole_file import cannot_write
 
 STATIC_FILES = ("board.css", "board.js")
 BOARD_FILE = "leaderboard.json"

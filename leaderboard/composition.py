@@ -8,10 +8,19 @@ from pathlib import Path
 
 import xarray as xr
 
-from granbench.candidate import Candidate
+from granbench.benchmark.every_axis import score
+from granbench.benchmark.metrics import METRIC_VERSION
+from granbench.benchmark.predictions import (
+    evaluated,
+    is_deterministic,
+    open_predictions,
+    write_predictions,
+)
+from granbench.cells.candidate import Candidate
 from granbench.data.normalisation import Normalisation
 from granbench.data.splits import split_hash
 from granbench.errors import ConfigurationError, SubmissionError
+from granbench.files.whole_file import cannot_write
 from granbench.leaderboard.model_files import export
 from granbench.leaderboard.submission import (
     About,
@@ -22,14 +31,6 @@ from granbench.leaderboard.submission import (
     file_digest,
     write_submission,
 )
-from granbench.predictions import (
-    evaluated,
-    is_deterministic,
-    open_predictions,
-    write_predictions,
-)
-from granbench.scoring import METRIC_VERSION, score
-from granbench.whole_file import cannot_write
 
 
 def check_target(out: Path) -> Path:

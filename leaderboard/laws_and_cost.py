@@ -4,14 +4,13 @@ from collections.abc import Callable, Sequence
 
 from markupsafe import Markup
 
-from granbench.axes import COST, PHYSICS
-from granbench.checks import CHECKS, Check
+from granbench.benchmark.axes.cost.scores import COST_METRICS
+from granbench.benchmark.axes.physics.checks import CHECKS, Check
+from granbench.benchmark.protocols import COST, PHYSICS
+from granbench.benchmark.scorecard import ALL, Score
 from granbench.leaderboard.submission import Submission
 from granbench.leaderboard.tables import Cell, Table, TableRow, number, of_seeds, ordered, share
 from granbench.plotting.style import model_styles
-from granbench.scoring import Score
-from granbench.scoring.cost import COST_METRICS
-from granbench.scoring.scorecard import ALL
 
 Found = dict[tuple[str, str], Score]
 """Scores of a submission by protocol and metric."""

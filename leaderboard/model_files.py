@@ -13,8 +13,8 @@ from pathlib import Path
 
 import xarray as xr
 
-from granbench.baseline import DESCRIPTION_FILE, ENTRY_POINTS
-from granbench.candidate import Candidate, find_candidate, registered_candidate
+from granbench.cells.baseline import DESCRIPTION_FILE, ENTRY_POINTS
+from granbench.cells.candidate import Candidate, find_candidate, registered_candidate
 from granbench.errors import GranbenchError, SubmissionError
 from granbench.leaderboard.submission import ModelFile, ModelReference, file_digest
 from granbench.models import MODELS

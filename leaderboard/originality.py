@@ -12,15 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from granbench.axes import COST, EMBEDDED, PROTOCOLS
-from granbench.baseline import find_baseline
+from granbench.benchmark.predictions import evaluated, quantise
+from granbench.benchmark.protocols import COST, EMBEDDED, PROTOCOLS
+from granbench.benchmark.scorecard import Score
+from granbench.benchmark.statistics import CEILING, align
+from granbench.cells.baseline import find_baseline
 from granbench.data.normalisation import Normalisation
 from granbench.data.replicates import replicate_scatter
 from granbench.errors import DatasetError, ModelError
 from granbench.models import MODELS
-from granbench.predictions import evaluated, quantise
-from granbench.scoring import Score
-from granbench.scoring.statistics import CEILING, align
 
 ROLLOUT = "rollout"
 CLEAN = tuple(spec.name for spec in PROTOCOLS.values() if not spec.noise)
@@ -71,7 +71,7 @@ def errors_of(predictions: xr.Dataset, records: xr.Dataset) -> Errors | None:
 
     Parameters
     ----------
-    predictions : see `granbench.predictions`
+    predictions : see `granbench.benchmark.predictions`
     records : the whole dataset of the task
     """
     if "stress" not in predictions or ROLLOUT not in predictions["protocol"].values:
@@ -107,7 +107,7 @@ def copied_protocols(predictions: xr.Dataset, records: xr.Dataset) -> Iterator[s
 
     Parameters
     ----------
-    predictions : see `granbench.predictions`
+    predictions : see `granbench.benchmark.predictions`
     records : the whole dataset of the task
     """
     if "stress" not in predictions:

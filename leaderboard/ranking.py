@@ -12,15 +12,15 @@ from functools import partial
 
 import numpy as np
 
+from granbench.benchmark.bootstrap import Resampling, weighted_mean
+from granbench.benchmark.predictions import evaluated, open_predictions
+from granbench.benchmark.scorecard import Score
 from granbench.data.store import load
 from granbench.errors import GranbenchError
 from granbench.leaderboard.admission import MINIMUM_SEEDS
 from granbench.leaderboard.originality import errors_of, is_classical, is_deterministic
 from granbench.leaderboard.rows import Row
 from granbench.leaderboard.submission import Submission
-from granbench.predictions import evaluated, open_predictions
-from granbench.scoring import Score
-from granbench.scoring.bootstrap import Resampling, weighted_mean
 
 PAIRED_METRIC = "stress_mse_mean"
 

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import xarray as xr
 
-from granbench.axes import AXES
+from granbench.benchmark.predictions import evaluated
+from granbench.benchmark.protocols import AXES
 from granbench.errors import SubmissionError
 from granbench.leaderboard.model_files import restored
 from granbench.leaderboard.rerun_budget import SECONDS_PER_SEED, check_budget, time_limit
 from granbench.leaderboard.submission import Submission
-from granbench.predictions import evaluated
 
 Progress = Callable[[int, str], None]
 """Called with the seed and what was done."""
@@ -34,7 +34,7 @@ def rerun(
         If there is no model, it cannot be loaded, it is not what the submission says of it, or it
         is beyond what is run again.
     """
-    from granbench.protocols import predict
+    from granbench.benchmark.evaluation import predict
 
     if submission.model is None:
         raise SubmissionError(f"{path}: has no model to run again")

@@ -10,15 +10,16 @@ from pathlib import Path
 
 import xarray as xr
 
-from granbench.boundary_values import embedded_analyses
+from granbench.benchmark.every_axis import score
+from granbench.benchmark.metrics import METRIC_VERSION
+from granbench.benchmark.predictions import evaluated, open_predictions
 from granbench.data.normalisation import Normalisation
 from granbench.data.store import load
+from granbench.fem.statement import embedded_analyses
 from granbench.leaderboard.rerunning import rerun
 from granbench.leaderboard.rows import accepted, default_folder
 from granbench.leaderboard.sealing import sealed
 from granbench.leaderboard.submission import Submission, write_submission
-from granbench.predictions import evaluated, open_predictions
-from granbench.scoring import METRIC_VERSION, score
 
 WITHOUT_ANALYSES = ("1.1",)
 """Versions whose scores are this version's on tasks that state no boundary-value problem: 1.2 only

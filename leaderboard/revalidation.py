@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from granbench import __version__
+from granbench.benchmark.metrics import METRIC_VERSION
 from granbench.errors import ConfigurationError, GranbenchError, SubmissionError
+from granbench.files.whole_file import whole_file
 from granbench.leaderboard.admission import examine
 from granbench.leaderboard.rerunning import Progress
 from granbench.leaderboard.rows import Row, accepted
 from granbench.leaderboard.sealing import require_seal, row_digest
 from granbench.leaderboard.submission import Submission
-from granbench.scoring import METRIC_VERSION
-from granbench.whole_file import whole_file
 
 BRANCHES = ("origin/main", "main")
 

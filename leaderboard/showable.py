@@ -3,11 +3,10 @@
 from itertools import pairwise
 from pathlib import Path
 
-from granbench.axes import COST, EMBEDDED
+from granbench.benchmark.protocols import COST, EMBEDDED
+from granbench.benchmark.scorecard import ALL, Curve, Score
 from granbench.errors import SubmissionError
 from granbench.leaderboard.submission import Submission
-from granbench.scoring import Curve, Score
-from granbench.scoring.scorecard import ALL
 
 LARGEST = 1e12
 """Of a score. Errors are at most 100, times a year, counts of parameters a billion."""

@@ -17,11 +17,10 @@ from pydantic import (
     model_validator,
 )
 
+from granbench.benchmark.scorecard import Curve, Scales, Score
 from granbench.errors import ConfigurationError, SubmissionError
-from granbench.json_reading import LARGEST_INTEGER, read_json_object
-from granbench.scoring import Curve, Score
-from granbench.scoring.scorecard import Scales
-from granbench.whole_file import whole_file
+from granbench.files.json_reading import LARGEST_INTEGER, read_json_object
+from granbench.files.whole_file import whole_file
 
 SCHEMA_FILE = Path(__file__).parent / "submission.schema.json"
 
@@ -225,7 +224,8 @@ def read_submission(path: Path) -> Submission:
     Raises
     ------
     SubmissionError
-        If it is missing, is refused by `granbench.json_reading.read_json`, or breaks the schema.
+        If it is missing, is refused by `granbench.files.json_reading.read_json`, or breaks the
+        schema.
     """
     content = read_json_object(path, SubmissionError, remedy=_REMEDY)
     try:

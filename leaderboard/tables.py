@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 
 from markupsafe import Markup, escape
 
-from granbench.axes import PROTOCOLS
+from granbench.benchmark.metrics import metrics
+from granbench.benchmark.protocols import PROTOCOLS
+from granbench.benchmark.scorecard import ALL, Curve, Score
 from granbench.leaderboard.chart import Line
 from granbench.leaderboard.ranking import (
     PathErrorsByName,
@@ -19,9 +21,6 @@ from granbench.leaderboard.ranking import (
 )
 from granbench.leaderboard.submission import Submission
 from granbench.plotting.style import LINE_STYLES, ModelStyle, model_styles
-from granbench.scoring import Score
-from granbench.scoring.metrics import metrics
-from granbench.scoring.scorecard import ALL, Curve
 
 _TITLES = {metric.name: metric.title for metric in metrics([], "noise")}
 METRICS_SHOWN: dict[str, str] = {

@@ -6,7 +6,11 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from granbench.axes import PROTOCOLS
+from granbench.benchmark.every_axis import score
+from granbench.benchmark.metrics import METRIC_VERSION
+from granbench.benchmark.predictions import evaluated, open_predictions
+from granbench.benchmark.protocols import PROTOCOLS
+from granbench.benchmark.statistics import align
 from granbench.data.normalisation import Normalisation
 from granbench.data.registry import entry
 from granbench.data.splits import split_hash
@@ -15,9 +19,6 @@ from granbench.errors import GranbenchError, SubmissionError
 from granbench.leaderboard.agreement import RERUN, RESCORED, compare
 from granbench.leaderboard.rerunning import Progress, rerun
 from granbench.leaderboard.submission import Submission, file_digest, read_submission
-from granbench.predictions import evaluated, open_predictions
-from granbench.scoring import METRIC_VERSION, score
-from granbench.scoring.statistics import align
 
 TRUTH_TOLERANCE = 1e-3
 """By which a recomputed ground truth may differ, in training standard deviations or relative to a
@@ -202,7 +203,7 @@ def _check_noised_truth(
     """Refuse a stored ground truth that the ground truth does not give (its values are scored)."""
     if "noised_truth" not in predictions:
         return
-    from granbench.protocols import noised_truth
+    from granbench.benchmark.evaluation import noised_truth
 
     records = align(truth, predictions)
     for seed in predictions["seed"].values:
@@ -226,7 +227,7 @@ def _check_embedded_truth(predictions: xr.Dataset, truth: xr.Dataset, path: Path
     """
     if "embedded_truth_reaction" not in predictions:
         return
-    from granbench.protocols import embedded_truth
+    from granbench.benchmark.axes.embedded.predict import embedded_truth
 
     again = embedded_truth(truth)
     for name in ("reaction", "volumetric_strain", "acceleration", "stress"):

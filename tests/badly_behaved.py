@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from granbench.cell import Conditions, MaterialCell, ModuleCell, StateLayout
+from granbench.cells.contract import Conditions, MaterialCell, ModuleCell, StateLayout
 
 STIFFNESS = 30e6
 COUNTS = {"calls": 0}

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from granbench.cell import Conditions, MaterialCell, ModuleCell, StateLayout
+from granbench.cells.contract import Conditions, MaterialCell, ModuleCell, StateLayout
 from granbench.tensors import normal_mask
 
 BULK, SHEAR = 40e6, 24e6

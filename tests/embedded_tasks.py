@@ -10,8 +10,8 @@ import xarray as xr
 from plane_records import plane_records
 from torch import Tensor
 
-from granbench.boundary_values import EMBEDDED_ANALYSES, SOLVERS, EmbeddedAnalysis, stated
-from granbench.cell import ModuleCell, StateLayout
+from granbench.cells.contract import ModuleCell, StateLayout
+from granbench.fem.statement import EMBEDDED_ANALYSES, SOLVERS, EmbeddedAnalysis, stated
 from granbench.models.classical import ClassicalCell
 from granbench.models.ground_truth import described
 from granbench.models.j2 import J2

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from granbench.cell import Conditions, MaterialCell, ModuleCell, StateLayout
+from granbench.cells.contract import Conditions, MaterialCell, ModuleCell, StateLayout
 
 SHEAR, LAME = 8e5, 4e5
 

@@ -4,7 +4,7 @@ import torch
 import xarray as xr
 from torch import Tensor
 
-from granbench.cell import Conditions, MaterialCell, ModuleCell, StateLayout
+from granbench.cells.contract import Conditions, MaterialCell, ModuleCell, StateLayout
 from granbench.data.adapters import accumulated_strain
 
 

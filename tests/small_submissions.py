@@ -4,12 +4,12 @@ from pathlib import Path
 
 import xarray as xr
 
-from granbench.axes import AXES
-from granbench.cell import MaterialCell
+from granbench.benchmark.evaluation import predict
+from granbench.benchmark.predictions import evaluated
+from granbench.benchmark.protocols import AXES
+from granbench.cells.contract import MaterialCell
 from granbench.leaderboard.composition import compose
 from granbench.leaderboard.submission import About
-from granbench.predictions import evaluated
-from granbench.protocols import predict
 
 
 def about(name: str, **changes) -> About:

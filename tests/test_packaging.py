@@ -165,22 +165,18 @@ def test_no_two_test_files_share_a_name() -> None:
 
 
 LAYERS = (
-    (
-        *("errors", "tensors", "whole_file", "printable", "rounding", "plausible"),
-        *("bounded_reading", "input_file", "json_reading", "netcdf_reading", "turning_points"),
-        *("units", "quantity_text", "folder_lock", "work_budget", "user_code"),
-    ),
-    ("cell", "step_differences", "schema", "schema_check", "records"),
-    ("observations", "baseline", "axes", "checks", "boundary_values", "predictions"),
-    ("plotting", "paths", "mesh_files"),
+    ("errors", "tensors"),
+    ("files", "units", "cells.work_budget", "cells.user_code", "records.turning_points"),
+    ("records", "cells.contract", "cells.step_differences", "cells.difference_tangent"),
+    ("tables", "plotting", "paths", "fem.mesh_files", "fem.statement"),
     ("data",),
     ("models",),
-    ("element_test", "stress_control", "difference_tangent"),
-    ("cell_check", "cell_contents", "cell_form", "repeated_answers", "tangent_check"),
+    ("element_test.stress_control", "element_test.run"),
+    ("cells", "cell"),
     ("fem", "plotting.fem"),
-    ("scoring",),
-    ("protocols", "candidate"),
-    ("driven_model", "driving", "laboratory"),
+    ("benchmark", "plotting.predictions"),
+    ("element_test", "laboratory"),
+    ("fitting",),
     ("generators", "baselines", "leaderboard"),
     ("cli",),
 )

@@ -17,7 +17,6 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from granbench.baseline import EpochReport
 from granbench.baselines.training.batches import Batch, BatchSource
 from granbench.baselines.training.history import read_history, write_history
 from granbench.baselines.training.progress import (
@@ -28,6 +27,7 @@ from granbench.baselines.training.progress import (
 )
 from granbench.baselines.training.recipe import ADAM_BETAS, ADAM_EPSILON, Limits, Recipe
 from granbench.baselines.training.tensor_files import unwritable
+from granbench.cells.baseline import EpochReport
 from granbench.errors import ModelError
 
 SAVE_EVERY_SECONDS = 5.0

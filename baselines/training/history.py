@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from granbench.baseline import EpochReport
+from granbench.cells.baseline import EpochReport
 from granbench.errors import ModelError
-from granbench.whole_file import whole_file
+from granbench.files.whole_file import whole_file
 
 HISTORY_FILE = "history.csv"
 CURVE_FILE = "learning_curve.png"

@@ -11,8 +11,8 @@ from torch import Tensor, nn
 
 from granbench.baselines.training.tensor_files import read_tensors, write_tensors
 from granbench.errors import ModelError
-from granbench.json_reading import read_json_object, shortened
-from granbench.whole_file import whole_file
+from granbench.files.json_reading import read_json_object, shortened
+from granbench.files.whole_file import whole_file
 
 WEIGHTS_FILE = "model.safetensors"
 DESCRIPTION_FILE = "model.json"

@@ -13,8 +13,8 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from granbench.errors import ModelError
-from granbench.json_reading import parse_json, shortened
-from granbench.whole_file import cannot_write, whole_file
+from granbench.files.json_reading import parse_json, shortened
+from granbench.files.whole_file import cannot_write, whole_file
 
 LARGEST_HEADER = 4_000_000
 """Bytes of the header of a file; that of a checkpoint has some thousands."""

@@ -7,7 +7,7 @@ beside this file.
 
 import torch
 
-from granbench.cell import ModuleCell
+from granbench.cells import ModuleCell
 from granbench.fem import ImplicitSettings, find_problem, run
 from granbench.plotting.fem import analysis_figure
 from granbench.plotting.style import save_figure

@@ -8,12 +8,12 @@ median error of the first submission.
 import sys
 from pathlib import Path
 
+from granbench.benchmark.predictions import open_predictions
 from granbench.data import load
 from granbench.data.replicates import replicate_scatter
 from granbench.leaderboard.submission import read_submission
 from granbench.plotting import save_figure
 from granbench.plotting.predictions import horizon_figure, prediction_figure, typical_paths
-from granbench.predictions import open_predictions
 
 
 def main(folder: Path, files: list[Path]) -> None:

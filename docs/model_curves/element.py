@@ -12,8 +12,8 @@ import torch
 import xarray as xr
 
 from granbench import __version__
-from granbench.cell import Conditions
-from granbench.element_test import run_test
+from granbench.cells import Conditions
+from granbench.element_test.run import run_test
 from granbench.errors import ModelError
 from granbench.models import ClassicalCell
 from granbench.paths.answer_files import answer_records

@@ -57,7 +57,8 @@ def assemble(
 
     Returns
     -------
-    Dataset that follows `granbench.schema.SCHEMA`, not sealed yet; units are added on writing
+    Dataset that follows `granbench.records.schema.SCHEMA`, not sealed yet; units are added on
+    writing
     """
     series, drawn = _arrays(result / RECORD_FILE), _arrays(result / PARAMETERS_FILE)
     counts = [plan.count for plan in plans]

@@ -1,15 +1,16 @@
 """How finely the numbers of a `gp-*` dataset are kept.
 
 A record in single precision has seven digits, of which the last are of no use: predictions are
-compared with five (`granbench.predictions.KEEP_BITS`). Without them the files have half the size.
+compared with five (`granbench.benchmark.predictions.KEEP_BITS`). Without them the files have half
+the size.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granbench.paths.drawn import STRAIN_GRID
-from granbench.rounding import keep_mantissa, on_grid
-from granbench.schema import SCHEMA
+from granbench.records.rounding import keep_mantissa, on_grid
+from granbench.records.schema import SCHEMA
 
 KEEP_BITS = 16
 """Bits of mantissa of what has a unit, stresses and tangents: 2^-17 = 8e-6 off at most, half of
@@ -31,7 +32,7 @@ def recorded(name: str, values: ArrayLike) -> NDArray[np.float32]:
 
     Parameters
     ----------
-    name : of a variable of `granbench.schema.SCHEMA`
+    name : of a variable of `granbench.records.schema.SCHEMA`
     values : any shape
     """
     if SCHEMA[name].units == "1":

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from granbench.cell import Conditions
+from granbench.cells.contract import Conditions
 from granbench.generators.classical.recorded import recorded
 from granbench.models.classical import ClassicalCell
 

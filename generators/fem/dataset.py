@@ -9,7 +9,8 @@ import numpy as np
 import xarray as xr
 
 from granbench import __version__
-from granbench.boundary_values import EMBEDDED_ANALYSES, stated
+from granbench.benchmark.axes.embedded.posed import posed, stiffest_at
+from granbench.fem.statement import EMBEDDED_ANALYSES, stated
 from granbench.generators.classical.dataset import CONVENTIONS
 from granbench.generators.classical.recorded import KEEP_BITS, rounding_attributes
 from granbench.generators.fem.design import (
@@ -22,7 +23,6 @@ from granbench.generators.fem.design import (
 from granbench.generators.fem.jobs import POSITION, RECORD_FILE
 from granbench.models.ground_truth import described
 from granbench.paths.drawn import STRAIN_GRID
-from granbench.protocols.posed import posed, stiffest_at
 from granbench.tensors import COMPONENT_ORDERS
 
 ROUNDING = (
@@ -56,7 +56,8 @@ def assemble(
 
     Returns
     -------
-    Dataset that follows `granbench.schema.SCHEMA`, not sealed yet; units are added on writing
+    Dataset that follows `granbench.records.schema.SCHEMA`, not sealed yet; units are added on
+    writing
     """
     records = [_arrays(results[plan.name] / RECORD_FILE) for plan in plans]
     counts = [len(record["point"]) for record in records]

@@ -10,8 +10,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
-from granbench.boundary_values import SOLVERS, EmbeddedAnalysis, PosedProblem
 from granbench.errors import RegistryError
+from granbench.fem.statement import SOLVERS, EmbeddedAnalysis, PosedProblem
 from granbench.generators.ground_truth import ModelTruth
 
 THESIS_SECTION = "5.3"

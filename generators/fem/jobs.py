@@ -10,15 +10,15 @@ import torch
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from granbench.boundary_values import spread_points
+from granbench.benchmark.axes.embedded.posed import posed
 from granbench.errors import AnalysisError
 from granbench.fem import run
 from granbench.fem.problems.biaxial import HEIGHT, Biaxial
+from granbench.fem.statement import spread_points
 from granbench.generators.campaign import Job
 from granbench.generators.classical.recorded import recorded
 from granbench.generators.fem.design import AnalysisPlan, FemPreset, GroundTruth
 from granbench.models.ground_truth import recording_cell
-from granbench.protocols.posed import posed
 
 RECORD_FILE = "record.npz"
 PHYSICAL_FAILURES = (AnalysisError,)

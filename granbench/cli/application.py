@@ -18,7 +18,7 @@ from granbench.cli.printing import note
 from granbench.cli.streams import flush_streams, prepare_streams
 from granbench.cli.termination import INTERRUPTED
 from granbench.errors import GranbenchError
-from granbench.printable import printable
+from granbench.files.printable import printable
 
 USER_ERROR = 2
 

@@ -144,7 +144,7 @@ def _print_summary(summary: dict[str, Any]) -> None:
 
 def _printable_values(value: Any) -> Any:
     """The same with all text, keys of objects too, safe for a terminal."""
-    from granbench.printable import printable
+    from granbench.files.printable import printable
 
     if isinstance(value, dict):
         return {printable(key): _printable_values(inner) for key, inner in value.items()}

@@ -19,8 +19,8 @@ from granbench.errors import ConfigurationError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from granbench.cell import MaterialCell
-    from granbench.driving import Answer
+    from granbench.cells.contract import MaterialCell
+    from granbench.element_test.driving import Answer
 
 MOST_STEPS = 1_000_000
 """Of a test; its records take some hundred megabytes then."""
@@ -103,9 +103,9 @@ def drive(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
 ) -> None:
     """Drive a model along a path, or through a standard test, and write its stresses."""
-    from granbench.driven_model import ModelChoice, Start
-    from granbench.driving import drive as take
-    from granbench.quantity_text import pressure_from_text
+    from granbench.element_test.driven_model import ModelChoice, Start
+    from granbench.element_test.driving import drive as take
+    from granbench.units.quantity_text import pressure_from_text
 
     _check_targets(out, plot)
     for option, file in (("MODEL", Path(model)), ("--path", path), ("--params", params),

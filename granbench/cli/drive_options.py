@@ -10,9 +10,9 @@ from granbench.errors import ConfigurationError
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from granbench.cell import MaterialCell
-    from granbench.driven_model import ModelChoice, Start
-    from granbench.driving import Course
+    from granbench.cells.contract import MaterialCell
+    from granbench.element_test.driven_model import ModelChoice, Start
+    from granbench.element_test.driving import Course
     from granbench.paths.strain_files import PathTable
 
 DEFAULT_STRAIN = 0.2
@@ -62,7 +62,7 @@ class AskedCourse:
         self, choice: "ModelChoice", start: "Start"
     ) -> tuple["MaterialCell", "Course", "Tensor"]:
         from granbench.data.adapters import conditions_of
-        from granbench.driving import Course
+        from granbench.element_test.driving import Course
         from granbench.records import open_records
         from granbench.tensors import component_order
 
@@ -76,7 +76,7 @@ class AskedCourse:
     def _along_table(
         self, table: "PathTable", choice: "ModelChoice", start: "Start"
     ) -> tuple["MaterialCell", "Course", "Tensor"]:
-        from granbench.driving import Course
+        from granbench.element_test.driving import Course
 
         self._refuse_test_options()
         cell = choice.cell(table.order)
@@ -87,9 +87,9 @@ class AskedCourse:
     def _through_test(
         self, table: "PathTable | None", choice: "ModelChoice", start: "Start"
     ) -> tuple["MaterialCell", "Course", "Tensor"]:
-        from granbench.driving import Course, cell_for_test
+        from granbench.element_test.driving import Course, cell_for_test
         from granbench.paths.standard_tests import find_test, strain_history
-        from granbench.quantity_text import strain_from_text
+        from granbench.units.quantity_text import strain_from_text
 
         if self.control is None:
             raise ConfigurationError(
@@ -178,7 +178,7 @@ def scalars_at_start(
 def _start_value(name: str, text: str) -> float:
     """A number that is known at the start; a stress may have a unit."""
     if any(word in name for word in ("stress", "pressure")):
-        from granbench.quantity_text import pressure_from_text
+        from granbench.units.quantity_text import pressure_from_text
 
         return pressure_from_text(f"--start {name}=", text)
     try:

@@ -23,7 +23,7 @@ from granbench.cli.printing import print_json, say, show
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from granbench.candidate import Candidate
+    from granbench.cells.candidate import Candidate
     from granbench.leaderboard.submission import Submission
 
 MODEL_FILES = ("model.json", "model.safetensors", "training.safetensors", "parameters.json")
@@ -100,15 +100,15 @@ def evaluate(
     With --keep model the model is written in place of its predictions; for baselines of
     GranBench and classical models, which are run again wherever the scores are checked.
     """
-    from granbench.axes import AXES, chosen_axes
-    from granbench.candidate import find_candidate
+    from granbench.benchmark.evaluation import predict, progress_parts
+    from granbench.benchmark.predictions import CELL_NOTES, evaluated
+    from granbench.benchmark.protocols import AXES, chosen_axes
+    from granbench.cells.candidate import find_candidate
     from granbench.cli.score_tables import tables
     from granbench.data.verification import task_file
     from granbench.leaderboard.composition import check_target, compose
     from granbench.leaderboard.model_files import require_data_only
     from granbench.leaderboard.submission import About, read_submission
-    from granbench.predictions import CELL_NOTES, evaluated
-    from granbench.protocols import predict, progress_parts
     from granbench.records import open_records
 
     task = task or default_task()

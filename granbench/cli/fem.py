@@ -22,7 +22,7 @@ from granbench.errors import AnalysisError, ConfigurationError, GranbenchError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from granbench.cell import MaterialCell
+    from granbench.cells.contract import MaterialCell
     from granbench.fem import Analysis, ExplicitSettings, ImplicitSettings, Problem
 
 MOST_OUTPUTS = 100_000
@@ -131,7 +131,7 @@ def fem(
             if source is not None and target is not None:
                 refuse_overwriting(target, option, Path(source))
     from granbench.fem.problems import chosen_from_text
-    from granbench.quantity_text import pressure_from_text
+    from granbench.units.quantity_text import pressure_from_text
 
     chosen = chosen_from_text(problem, choose or ())
     settings = _settings(
@@ -143,7 +143,7 @@ def fem(
 
     import torch
 
-    from granbench.driven_model import ModelChoice
+    from granbench.element_test.driven_model import ModelChoice
     from granbench.fem import run
     from granbench.fem.remarks import remarks
 
@@ -209,7 +209,7 @@ def _settings(
 
 def _refuse_unused(scalars: dict[str, float], cell: "MaterialCell", problem: "Problem") -> None:
     """Refuse what the model makes no use of: it would be believed to count."""
-    from granbench.driven_model import Start
+    from granbench.element_test.driven_model import Start
 
     if scalars:
         pressure = problem.confined_for(cell).initial_pressure or None

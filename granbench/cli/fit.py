@@ -21,14 +21,14 @@ from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import print_json, say, show
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError
-from granbench.folder_lock import locked_folder
-from granbench.printable import printable
-from granbench.whole_file import whole_folder
+from granbench.files.folder_lock import locked_folder
+from granbench.files.printable import printable
+from granbench.files.whole_file import whole_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from granbench.baselines.fitting import Fit
+    from granbench.fitting import Fit
     from granbench.laboratory import ImportSettings, LaboratoryTest
 
 PARAMETERS = "parameters.json"
@@ -189,11 +189,11 @@ def fit(
     """
     require_folder("--out", out)
 
-    from granbench.baselines.fitting import Effort, FitSettings
-    from granbench.baselines.fitting import fit as fitted
-    from granbench.baselines.fitting.observations import CONTROLS
-    from granbench.baselines.fitting.report import PICTURE, report_of
-    from granbench.driven_model import ModelChoice
+    from granbench.element_test.driven_model import ModelChoice
+    from granbench.fitting import Effort, FitSettings
+    from granbench.fitting import fit as fitted
+    from granbench.fitting.observations import CONTROLS
+    from granbench.fitting.report import PICTURE, report_of
     from granbench.laboratory import ImportSettings
     from granbench.models import find_model
 
@@ -339,7 +339,7 @@ def _write(
     left_out: Sequence["LaboratoryTest"],
     out: Path,
 ) -> None:
-    from granbench.baselines.fitting.report import CURVES, REPORT, write_curves, write_report
+    from granbench.fitting.report import CURVES, REPORT, write_curves, write_report
     from granbench.laboratory import to_records
     from granbench.models.parameter_file import write_parameters
     from granbench.records import write_records

@@ -10,8 +10,8 @@ import typer
 
 from granbench.cli.printing import note
 from granbench.errors import ConfigurationError
-from granbench.plausible import LARGEST_SEED
-from granbench.whole_file import cannot_write
+from granbench.files.whole_file import cannot_write
+from granbench.units.plausible import LARGEST_SEED
 
 
 def refuse_overwriting(out: Path, option: str, source: Path | None) -> None:

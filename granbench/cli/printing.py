@@ -9,7 +9,7 @@ from rich.measure import Measurement
 from rich.table import Table
 
 from granbench.cli.streams import shows_unicode
-from granbench.printable import printable
+from granbench.files.printable import printable
 
 UNLIMITED = 1_000_000
 """Columns of a pipe or file, in which no line is broken: `grep` finds whole names."""

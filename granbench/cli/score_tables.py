@@ -7,12 +7,12 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from granbench.axes import COST, EMBEDDED, PHYSICS, PROTOCOLS
-from granbench.checks import CHECKS
+from granbench.benchmark.axes.physics.checks import CHECKS
+from granbench.benchmark.protocols import COST, EMBEDDED, PHYSICS, PROTOCOLS
 
 if TYPE_CHECKING:
+    from granbench.benchmark.scorecard import Score
     from granbench.leaderboard.submission import Submission
-    from granbench.scoring import Score
 
 SHOWN = (
     "stress_mse_mean",
@@ -158,7 +158,7 @@ def _reasons(scores: Sequence["Score"]) -> Iterator[Text]:
 
 def _analyses(run: Sequence["Score"], name: str) -> Iterator[Table | Text]:
     """Of each solver a table of analyses, or why there is none."""
-    from granbench.scoring.embedded_metrics import EMBEDDED_METRICS, TITLES
+    from granbench.benchmark.axes.embedded.metrics import EMBEDDED_METRICS, TITLES
 
     if reason := next((score.reason for score in run if score.protocol == EMBEDDED), None):
         yield Text(f"Embedded: n/a, {reason}.")
@@ -184,7 +184,7 @@ def _analyses(run: Sequence["Score"], name: str) -> Iterator[Table | Text]:
 
 
 def _costs(costs: Sequence["Score"], name: str) -> Table:
-    from granbench.scoring.cost import COST_METRICS
+    from granbench.benchmark.axes.cost.scores import COST_METRICS
 
     table = _plain_table(f"Cost of {name}")
     table.add_column("", no_wrap=True)

@@ -136,10 +136,10 @@ def board_or_default(board: Path | None) -> Path | None:
 @contextmanager
 def rerun_bar(file: Path, hidden: bool) -> Iterator["Callable[[int, str], None] | None"]:
     """Progress of a model that is run again; nothing where the scores come from predictions."""
+    from granbench.benchmark.evaluation import progress_parts
     from granbench.cli.evaluate import evaluation_bar
     from granbench.leaderboard.rerunning import run_axes
     from granbench.leaderboard.submission import read_submission
-    from granbench.protocols import progress_parts
 
     submission = read_submission(file)
     if submission.model is None:

@@ -20,7 +20,7 @@ from granbench.errors import ConfigurationError, GranbenchError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from granbench.baseline import EpochReport
+    from granbench.cells.baseline import EpochReport
 
 SECONDS_PER_MINUTE = 60.0
 
@@ -73,8 +73,8 @@ def train(
 
     import torch
 
-    from granbench.baseline import DESCRIPTION_FILE, TrainingRequest, find_baseline
     from granbench.baselines.training.history import CURVE_FILE, HISTORY_FILE
+    from granbench.cells.baseline import DESCRIPTION_FILE, TrainingRequest, find_baseline
     from granbench.data.verification import task_file
     from granbench.records import open_records
 

@@ -11,10 +11,10 @@ import xarray as xr
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from granbench.cell import Conditions, History
+from granbench.cells.contract import Conditions, History
 from granbench.data.normalisation import Normalisation
 from granbench.errors import ConfigurationError
-from granbench.schema import INTERNALS
+from granbench.records.schema import INTERNALS
 from granbench.tensors import component_order, mean_stress
 
 __all__ = [

@@ -14,6 +14,7 @@ import xarray as xr
 
 from granbench.data.card_text import card_text
 from granbench.errors import DatasetError, GranbenchError
+from granbench.files.whole_file import whole_file
 from granbench.plotting import (
     critical_state_figure,
     cyclic_figure,
@@ -28,7 +29,6 @@ from granbench.plotting import (
 )
 from granbench.records import open_records, verify
 from granbench.tensors import component_order
-from granbench.whole_file import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

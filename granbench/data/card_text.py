@@ -12,8 +12,8 @@ from granbench.data.plane_card import plane_sections
 from granbench.data.replicates import replicate_scatter
 from granbench.data.splits import leak_report, split_hash, split_names
 from granbench.errors import DatasetError
-from granbench.observations import MONOTONIC_FAMILIES, select
 from granbench.plotting.quality import QUALITY_LIMITS
+from granbench.records.observations import MONOTONIC_FAMILIES, select
 from granbench.tensors import component_order
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from granbench.data.splits import select_split
 from granbench.errors import DatasetError
-from granbench.schema import INTERNALS
+from granbench.records.schema import INTERNALS
 
 VARIED = ("strain", "stress", "void_ratio")
 """What scores are divided by; every component of it must vary."""

@@ -23,8 +23,8 @@ from granbench.data.registry import (
 )
 from granbench.data.splits import leak_report, split_hash
 from granbench.errors import DatasetError, RegistryError
+from granbench.files.whole_file import whole_file
 from granbench.records import attributes_hash, open_records, verify, write_records
-from granbench.whole_file import whole_file
 
 MINI_BYTES = 1_000_000
 MINI_SPECIMENS = {"train": 3, "validation": 1, "test": 2}

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from granbench.errors import RegistryError
-from granbench.schema import path_blocks
+from granbench.records.schema import path_blocks
 
 FEATURE_STEPS = 61
 """Steps of a path that the nearest-path distance looks at, evenly spaced: enough for the shape

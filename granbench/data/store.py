@@ -22,8 +22,8 @@ from granbench.data.registry import RegistryEntry, entries
 from granbench.data.registry import entry as registry_entry
 from granbench.data.splits import select_split
 from granbench.errors import ConfigurationError, DatasetError, DownloadError
+from granbench.files.whole_file import whole_file
 from granbench.records import mark_as_checked, open_records
-from granbench.whole_file import whole_file
 
 CACHE_VARIABLE = "GRANBENCH_CACHE"
 DEFAULTS = ("dem-triaxial", "dem-triaxial-mini")

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
-from granbench.bounded_reading import read_bounded
 from granbench.data.registry import RegistryEntry, entries
 from granbench.data.splits import split_hash
 from granbench.data.store import Progress, file_of, registered_file
 from granbench.errors import DatasetError
+from granbench.files.bounded_reading import read_bounded
 from granbench.records import (
     attributes_hash,
     mark_as_checked,
@@ -96,7 +96,7 @@ def read_as_trusted(
     Parameters
     ----------
     path : the file; one that is registered, byte for byte, is read in this process, any other one
-        as `granbench.bounded_reading.read_bounded` does
+        as `granbench.files.bounded_reading.read_bounded` does
     function : of the path and of `arguments` and `options`; see `read_bounded`
 
     Raises

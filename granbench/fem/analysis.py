@@ -10,8 +10,8 @@ from dataclasses import asdict
 
 import torch
 
-from granbench.cell import MaterialCell
-from granbench.cell_check import checked_cell, spread_rows
+from granbench.cells.check import checked_cell, spread_rows
+from granbench.cells.contract import MaterialCell
 from granbench.errors import AnalysisError, ConfigurationError
 from granbench.fem.explicit import OnStep, solve_explicit
 from granbench.fem.gauss_points import GaussPoints
@@ -50,7 +50,7 @@ def run(
     mesh : name of one of the problem's meshes, or a mesh with the boundaries that it names
     scalars : what the cell may want to know at the start, such as `initial_void_ratio`
     on_step : called at output steps
-    check : whether the cell is checked before and after, see `granbench.cell_check`; of one that
+    check : whether the cell is checked before and after, see `granbench.cells.check`; of one that
         was checked, or whose steps cost much, it may be left out
 
     Returns

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from granbench.cells.user_code import failure_location
 from granbench.errors import AnalysisError, GranbenchError
-from granbench.user_code import failure_location
 
 
 class CellFailure(AnalysisError):

@@ -10,8 +10,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from granbench.cell import FLOATING_FAILURES, Conditions, MaterialCell
-from granbench.difference_tangent import with_cheap_tangent
+from granbench.cells.contract import FLOATING_FAILURES, Conditions, MaterialCell
+from granbench.cells.difference_tangent import with_cheap_tangent
+from granbench.cells.user_code import user_code
+from granbench.element_test.stress_control import Answer, surviving
 from granbench.errors import (
     AnalysisError,
     ConfigurationError,
@@ -19,9 +21,7 @@ from granbench.errors import (
 )
 from granbench.fem.cell_failure import CellFailure, misanswered, raised
 from granbench.fem.mesh import Floats
-from granbench.stress_control import Answer, surviving
 from granbench.tensors import COMPONENT_ORDERS
-from granbench.user_code import user_code
 
 ORDER = "plane"
 COMPONENTS = len(COMPONENT_ORDERS[ORDER])
@@ -152,7 +152,7 @@ class GaussPoints:
         return self._tried(stress, state, dstrain, step, begin)
 
     def tangent(self, dstrain: Floats, step: int) -> tuple[Floats, Floats]:
-        """As `step`, with a tangent (point, 3, 3), Pa, see `granbench.difference_tangent`."""
+        """As `step`, with a tangent (point, 3, 3), Pa, see `granbench.cells.difference_tangent`."""
         begin = time.perf_counter()
         if self._linearised is None:
             # Newton's method needs a direction; what it arrives at does not depend on the tangent.

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import torch
 
-from granbench.cell import MaterialCell
+from granbench.cells.contract import MaterialCell
 from granbench.errors import ConfigurationError
 from granbench.fem.balance import Balance
 from granbench.fem.gauss_points import MaterialFailure

@@ -9,9 +9,14 @@ import numpy as np
 
 from granbench.errors import ConfigurationError
 from granbench.fem.loading import LoadingHistory
-from granbench.paths.table_files import read_table
-from granbench.paths.tables import Column, Table
-from granbench.units import length_factor, split_strange_unit, text_behind_unit, time_factor
+from granbench.tables.table_files import read_table
+from granbench.tables.tables import Column, Table
+from granbench.units.known_units import (
+    length_factor,
+    split_strange_unit,
+    text_behind_unit,
+    time_factor,
+)
 
 COLUMNS = {"time": "s", "displacement": "m"}
 """Names of the columns, and their units where the file states none."""

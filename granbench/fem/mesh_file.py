@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import skfem
 
-from granbench.bounded_reading import read_bounded
 from granbench.errors import ConfigurationError
 from granbench.fem.mesh import ELEMENTS, PlaneMesh
-from granbench.mesh_files import FORMATS, PlaneCells, read_plane_cells
+from granbench.fem.mesh_files import FORMATS, PlaneCells, read_plane_cells
+from granbench.files.bounded_reading import read_bounded
 
 SUFFIXES = tuple(FORMATS)
 

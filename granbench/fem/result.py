@@ -15,8 +15,8 @@ from granbench.errors import AnalysisError
 from granbench.fem.gauss_points import COMPONENTS, ORDER, GaussPoints
 from granbench.fem.mesh import Floats
 from granbench.fem.operators import Operators
+from granbench.files.whole_file import whole_file
 from granbench.tensors import COMPONENT_ORDERS
-from granbench.whole_file import whole_file
 
 DESCRIPTIONS: Mapping[str, tuple[str, str]] = {
     "time": ("s", "time"),

@@ -10,9 +10,9 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from granbench.bounded_reading import read_bounded
 from granbench.errors import DatasetError
-from granbench.input_file import require_archive
+from granbench.files.bounded_reading import read_bounded
+from granbench.files.input_file import require_archive
 
 MOST_UNPACKED = 256_000_000
 """Bytes of all arrays of a file."""
@@ -29,7 +29,8 @@ def read_arrays(path: Path) -> dict[str, NDArray]:
     ------
     DatasetError
         If the file is damaged, protected or too large, an array is of another kind or declares
-        another size than it has, or the file breaks the bounds of `granbench.bounded_reading`.
+        another size than it has, or the file breaks the bounds of
+        `granbench.files.bounded_reading`.
     """
     return read_bounded(path, DatasetError, arrays_of, str(path))
 

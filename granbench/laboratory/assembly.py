@@ -25,7 +25,7 @@ from granbench.laboratory.principal_strain import principal_strain, volume_measu
 from granbench.laboratory.principal_stress import principal_stress
 from granbench.laboratory.quantities import plain_header
 from granbench.laboratory.settings import ImportSettings
-from granbench.paths.tables import Table
+from granbench.tables.tables import Table
 
 Floats = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from granbench.laboratory.measured import Measured
 from granbench.laboratory.quantities import QUANTITIES
 from granbench.laboratory.settings import ImportSettings
 from granbench.laboratory.water import AGREEMENT, READING, Water, agree, pore_pressure
-from granbench.paths.tables import Table
+from granbench.tables.tables import Table
 
 Floats = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from numpy.typing import NDArray
 
 from granbench.errors import DatasetError
-from granbench.input_file import require_file
+from granbench.files.input_file import require_file
 from granbench.laboratory import grainlearning, masi, soilmodels
 from granbench.laboratory.array_file import read_arrays
 from granbench.laboratory.assembly import assemble
@@ -16,10 +16,10 @@ from granbench.laboratory.conversion import from_records
 from granbench.laboratory.laboratory_test import LaboratoryTest
 from granbench.laboratory.quantities import known_quantity
 from granbench.laboratory.settings import ImportSettings
-from granbench.paths.table_files import MOST_BYTES, read_table
-from granbench.paths.tables import Column, Table
-from granbench.paths.workbook import read_sheets
 from granbench.records import open_records
+from granbench.tables.table_files import MOST_BYTES, read_table
+from granbench.tables.tables import Column, Table
+from granbench.tables.workbook import read_sheets
 
 ArrayReader = Callable[[Path, Mapping[str, NDArray], ImportSettings], list[LaboratoryTest]]
 

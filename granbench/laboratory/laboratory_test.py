@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granbench.errors import DatasetError
+from granbench.records.turning_points import spread_places, spread_rows, turning_rows
 from granbench.tensors import deviatoric_stress, mean_stress, volumetric_strain
-from granbench.turning_points import spread_places, spread_rows, turning_rows
 
 FEWEST_POINTS = 5
 
@@ -194,9 +194,9 @@ class LaboratoryTest:
         """The test at about `count` of its own points, start and end among them.
 
         Every reversal of a strain, a stress or the void ratio is kept, be they more than `count`:
-        see `granbench.turning_points`. The other points lie evenly along the curve of axial stress
-        over axial strain, each divided by its range, so that the steep beginning keeps as many as
-        the long end.
+        see `granbench.records.turning_points`. The other points lie evenly along the curve of axial
+        stress over axial strain, each divided by its range, so that the steep beginning keeps as
+        many as the long end.
         """
         if count >= self.steps:
             return self

@@ -15,7 +15,7 @@ from granbench.laboratory.array_file import require_few, require_shape
 from granbench.laboratory.assembly import assemble
 from granbench.laboratory.laboratory_test import LaboratoryTest
 from granbench.laboratory.settings import ImportSettings
-from granbench.paths.tables import Table
+from granbench.tables.tables import Table
 
 Floats = NDArray[np.float64]
 

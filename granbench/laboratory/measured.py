@@ -18,9 +18,8 @@ from granbench.laboratory.quantities import (
 )
 from granbench.laboratory.remarks import quantity_with_remark
 from granbench.laboratory.settings import ImportSettings
-from granbench.paths.tables import Column, Table
-from granbench.plausible import LARGEST_STRAIN, LARGEST_STRESS, VOID_RATIOS
-from granbench.units import (
+from granbench.tables.tables import Column, Table
+from granbench.units.known_units import (
     is_stress_unit,
     is_unit,
     known_units,
@@ -28,6 +27,7 @@ from granbench.units import (
     text_behind_unit,
     unit_factor,
 )
+from granbench.units.plausible import LARGEST_STRAIN, LARGEST_STRESS, VOID_RATIOS
 
 Floats = NDArray[np.float64]
 

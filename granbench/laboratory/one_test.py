@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granbench.errors import DatasetError
-from granbench.paths.tables import Table
+from granbench.tables.tables import Table
 
 BACK = 0.25
 """Share of the range of the axial strain that no single row of a steady test falls back by."""

@@ -9,8 +9,8 @@ from granbench.errors import DatasetError
 from granbench.laboratory.laboratory_test import LATERAL_STRAIN_GIVEN
 from granbench.laboratory.measured import Measured
 from granbench.laboratory.quantities import QUANTITIES
-from granbench.paths.tables import Table
-from granbench.units import unit_factor
+from granbench.tables.tables import Table
+from granbench.units.known_units import unit_factor
 
 Floats = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from granbench.errors import DatasetError
 from granbench.laboratory.measured import Measured
 from granbench.laboratory.quantities import WATER
 from granbench.laboratory.settings import ImportSettings
-from granbench.paths.tables import Table
+from granbench.tables.tables import Table
 
 LONGEST_LINE = 2000
 """Characters of a line that are searched."""

@@ -9,7 +9,7 @@ from granbench.errors import DatasetError
 from granbench.laboratory.measured import Measured
 from granbench.laboratory.principal_stress import missing
 from granbench.laboratory.settings import ImportSettings
-from granbench.paths.tables import Table
+from granbench.tables.tables import Table
 
 Floats = NDArray[np.float64]
 

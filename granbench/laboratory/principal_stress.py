@@ -9,7 +9,7 @@ from granbench.laboratory.laboratory_test import CONSTANT_STRESS, LATERAL_STRAIN
 from granbench.laboratory.quantities import QUANTITIES, listed
 from granbench.laboratory.settings import ImportSettings
 from granbench.laboratory.water import READING, agree
-from granbench.paths.tables import Table
+from granbench.tables.tables import Table
 
 Floats = NDArray[np.float64]
 

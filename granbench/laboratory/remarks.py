@@ -7,7 +7,7 @@ numbers are ten times as large, or of the other sign. Only the first two are rea
 import re
 
 from granbench.laboratory.quantities import known_quantity
-from granbench.units import is_unit, unit_factor
+from granbench.units.known_units import is_unit, unit_factor
 
 _SHORTENING = frozenset(
     [

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from granbench.errors import ConfigurationError
 from granbench.laboratory.laboratory_test import KINDS
 from granbench.laboratory.quantities import QUANTITIES, stress_of
-from granbench.plausible import LARGEST_STRESS, VOID_RATIOS
-from granbench.units import is_stress_unit, known_units, unit_factor
+from granbench.units.known_units import is_stress_unit, known_units, unit_factor
+from granbench.units.plausible import LARGEST_STRESS, VOID_RATIOS
 
 STRAIN_MEASURES = ("engineering", "logarithmic")
 STRESSES = ("effective", "total")

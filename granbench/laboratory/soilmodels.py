@@ -15,10 +15,10 @@ from granbench.laboratory.array_file import require_few, require_shape
 from granbench.laboratory.assembly import assemble
 from granbench.laboratory.laboratory_test import LaboratoryTest
 from granbench.laboratory.settings import ImportSettings
-from granbench.paths.sheet_cells import Rows
-from granbench.paths.tables import Column, Table
-from granbench.plausible import VOID_RATIOS
-from granbench.units import split_header
+from granbench.tables.sheet_cells import Rows
+from granbench.tables.tables import Column, Table
+from granbench.units.known_units import split_header
+from granbench.units.plausible import VOID_RATIOS
 
 DRAINED = "triaxial-drained"
 KINDS_BY_SHEET = {"CID": DRAINED, "OED": "oedometer"}
@@ -47,7 +47,7 @@ def read_protocol(
     Parameters
     ----------
     path : of the file
-    sheets : of the workbook, see `granbench.paths.workbook.read_sheets`
+    sheets : of the workbook, see `granbench.tables.workbook.read_sheets`
 
     Raises
     ------

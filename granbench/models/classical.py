@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from granbench.cell import Conditions, MaterialCell, StateLayout
+from granbench.cells.contract import Conditions, MaterialCell, StateLayout
 from granbench.errors import ModelError, alternatives
 from granbench.models.arrays import Array, in_numpy, in_torch
 from granbench.models.components import TensorRows, tensor_rows

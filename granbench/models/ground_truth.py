@@ -9,7 +9,7 @@ from granbench.errors import DatasetError, ModelError
 from granbench.models.catalogue import find_model
 from granbench.models.classical import ClassicalCell
 from granbench.models.parameter_file import parse_parameters
-from granbench.predictions import GROUND_TRUTH
+from granbench.records.schema import GROUND_TRUTH
 from granbench.tensors import component_order
 
 

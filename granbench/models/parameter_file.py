@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any
 
 from granbench.errors import ModelError
-from granbench.json_reading import parse_json, read_json
+from granbench.files.json_reading import parse_json, read_json
+from granbench.files.whole_file import whole_file
 from granbench.models.catalogue import find_model
 from granbench.models.classical import ClassicalCell
-from granbench.whole_file import whole_file
 
 REQUIRED = ("model", "parameters")
 KEYS = (*REQUIRED, "parameter_set", "units", "about")

@@ -25,6 +25,7 @@ from typing import NamedTuple, TypeVar
 
 import torch
 
+from granbench.cells.work_budget import spend
 from granbench.models.arrays import (
     Array,
     between,
@@ -37,7 +38,6 @@ from granbench.models.arrays import (
     where,
     zeros_like,
 )
-from granbench.work_budget import spend
 
 Constants = TypeVar("Constants", bound=tuple[Array, ...])
 

@@ -9,11 +9,11 @@ import numpy as np
 import xarray as xr
 
 from granbench.errors import ConfigurationError
+from granbench.files.whole_file import whole_file
 from granbench.paths.programme import Floats
 from granbench.paths.strain_files import STRAIN, STRESS
-from granbench.schema import SCHEMA
+from granbench.records.schema import SCHEMA
 from granbench.tensors import COMPONENT_ORDERS
-from granbench.whole_file import whole_file
 
 
 def write_answer(

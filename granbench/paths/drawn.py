@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict
 
 from granbench.errors import ConfigurationError
 from granbench.paths.programme import Floats
-from granbench.rounding import on_grid
+from granbench.records.rounding import on_grid
 from granbench.tensors import frobenius_norm
 
 STRAIN_GRID = 2.0**-20

@@ -15,7 +15,7 @@ from granbench.paths.element import (
 )
 from granbench.paths.programme import Floats, LoadingProgramme
 from granbench.paths.triaxial import ConstantMeanStress, ConstantMinorStress
-from granbench.plausible import LARGEST_STRAIN
+from granbench.units.plausible import LARGEST_STRAIN
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ One row a step, one column for each component of one order: ``eps_xx`` prescribe
 strain xx, and ``sig_xx`` in its place the stress. A file whose only column is ``eps_axial``
 (``eps_shear``) is the history of a standard test's driving strain. Compression is positive,
 strain has no unit (0.01 is one per cent) and stress is in Pa, unless a header states another unit
-as in ``sig_xx [kPa]``. What tables are read is said in `granbench.paths.table_files`.
+as in ``sig_xx [kPa]``. What tables are read is said in `granbench.tables.table_files`.
 """
 
 from collections.abc import Sequence
@@ -18,17 +18,17 @@ from numpy.typing import NDArray
 from granbench.errors import ConfigurationError
 from granbench.paths.mixed_control import MixedControl
 from granbench.paths.programme import Floats
-from granbench.paths.table_files import read_table
-from granbench.paths.tables import Column, Table
-from granbench.plausible import LARGEST_STRAIN, LARGEST_STRESS, SMALLEST_STRESS
+from granbench.tables.table_files import read_table
+from granbench.tables.tables import Column, Table
 from granbench.tensors import COMPONENT_ORDERS, normal_mask
-from granbench.units import (
+from granbench.units.known_units import (
     is_stress_unit,
     known_units,
     split_strange_unit,
     text_behind_unit,
     unit_factor,
 )
+from granbench.units.plausible import LARGEST_STRAIN, LARGEST_STRESS, SMALLEST_STRESS
 
 STRAIN, STRESS = "eps_", "sig_"
 DRIVING_COLUMNS = ("eps_axial", "eps_shear")

@@ -13,7 +13,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter, NullLocator
 
 from granbench.errors import DatasetError
-from granbench.observations import (
+from granbench.plotting.style import (
+    MARKERS,
+    TRUTH,
+    figure_grid,
+    house_style,
+    ordered_colours,
+)
+from granbench.records.observations import (
     CriticalStateLine,
     comparable_compressions,
     critical_states,
@@ -25,15 +32,8 @@ from granbench.observations import (
     select,
     stress_ratio,
 )
-from granbench.plotting.style import (
-    MARKERS,
-    TRUTH,
-    figure_grid,
-    house_style,
-    ordered_colours,
-)
+from granbench.records.turning_points import shown_rows
 from granbench.tensors import deviatoric_stress, mean_stress, pi_plane
-from granbench.turning_points import shown_rows
 
 DOTS_PER_CURVE = 60
 COMPARED_PRESSURE = 0.5e6

@@ -16,7 +16,7 @@ from granbench.plotting.style import (
     house_style,
     model_styles,
 )
-from granbench.turning_points import shown_rows
+from granbench.records.turning_points import shown_rows
 
 MOST_TESTS = 8
 """Tests that are drawn; of more, as many spread evenly over them."""

@@ -12,8 +12,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from granbench.errors import AnalysisError
+from granbench.files.whole_file import whole_file
 from granbench.tensors import COMPONENT_ORDERS
-from granbench.whole_file import whole_file
 
 CELL_TYPES = {"quad8": "quad8", "quad4": "quad", "tri3": "triangle", "tri6": "triangle6"}
 """meshio's name of each element; corners come first in both, then the middles of the edges."""

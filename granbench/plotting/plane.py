@@ -10,7 +10,6 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from granbench.errors import DatasetError
-from granbench.observations import named_paths
 from granbench.plotting.style import (
     LINE_STYLES,
     MARKERS,
@@ -19,6 +18,8 @@ from granbench.plotting.style import (
     figure_grid,
     house_style,
 )
+from granbench.records.observations import named_paths
+from granbench.records.turning_points import shown_rows
 from granbench.tensors import (
     COMPONENT_ORDERS,
     component_order,
@@ -26,7 +27,6 @@ from granbench.tensors import (
     frobenius_norm,
     mean_stress,
 )
-from granbench.turning_points import shown_rows
 
 DOTS_PER_CURVE = 200
 DOTS_PER_CLOUD = 3000

@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from granbench.axes import PROTOCOLS
+from granbench.benchmark.protocols import PROTOCOLS
 from granbench.errors import ConfigurationError
 from granbench.plotting.style import TRUTH, figure_grid, house_style, model_styles
+from granbench.records.turning_points import shown_rows
 from granbench.tensors import component_order, deviatoric_stress, mean_stress
-from granbench.turning_points import shown_rows
 
 DOTS_PER_CURVE = 45
 PASCALS_PER_MEGAPASCAL = 1e6
@@ -29,7 +29,7 @@ ROWS = (
 
 
 class ErrorCurve(Protocol):
-    """Error against horizon of one protocol and split, as `granbench.scoring.Curve` has it."""
+    """Error against horizon of one protocol and split, as a `Curve` of a scorecard has it."""
 
     @property
     def protocol(self) -> str:
@@ -105,7 +105,7 @@ def prediction_figure(
     records : the truth
     predictions : of each model by name; the first seed is drawn
     paths : names (`path_id`)
-    protocol : label in `granbench.axes.PROTOCOLS`
+    protocol : label in `granbench.benchmark.protocols.PROTOCOLS`
 
     Raises
     ------

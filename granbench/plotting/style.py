@@ -19,7 +19,7 @@ from matplotlib.mathtext import MathTextParser
 from matplotlib.text import Text
 
 from granbench.errors import ConfigurationError
-from granbench.whole_file import whole_file
+from granbench.files.whole_file import whole_file
 
 PANEL_SIZE = (3.5, 2.9)
 """Width and height of one panel, inches: two make a column of A4."""

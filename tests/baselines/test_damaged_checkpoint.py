@@ -6,9 +6,9 @@ import pytest
 import torch
 import xarray as xr
 
-from granbench.baseline import TrainingRequest, find_baseline
 from granbench.baselines.training.progress import TRAINING_FILE
 from granbench.baselines.training.tensor_files import digest_of, read_tensors, write_tensors
+from granbench.cells.baseline import TrainingRequest, find_baseline
 from granbench.errors import ModelError
 
 

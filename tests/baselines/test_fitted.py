@@ -8,7 +8,6 @@ import pytest
 import torch
 from plane_records import plane_records
 
-from granbench.baseline import TrainingRequest
 from granbench.baselines.fitted import (
     CSUH_FITTED,
     IME_FITTED,
@@ -16,10 +15,11 @@ from granbench.baselines.fitted import (
     PARAMETERS_FILE,
     FittedBaseline,
 )
-from granbench.baselines.fitting import Effort
+from granbench.benchmark.axes.along_paths.free_run import rollout
+from granbench.cells.baseline import TrainingRequest
 from granbench.errors import ConfigurationError, ModelError
+from granbench.fitting import Effort
 from granbench.models import find_model
-from granbench.protocols import rollout
 
 
 def quick(baseline: FittedBaseline, **settings: object) -> FittedBaseline:

@@ -7,14 +7,14 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from granbench.baseline import TrainingRequest, baseline_names, find_baseline
 from granbench.baselines.linear_elastic import LinearElasticCell, fitted_moduli
-from granbench.candidate import find_candidate
-from granbench.cell import Conditions
+from granbench.benchmark.evaluation import predict
+from granbench.benchmark.predictions import quantise
+from granbench.cells.baseline import TrainingRequest, baseline_names, find_baseline
+from granbench.cells.candidate import find_candidate
+from granbench.cells.contract import Conditions
 from granbench.data.adapters import conditions_of, history_of
 from granbench.errors import ModelError
-from granbench.predictions import quantise
-from granbench.protocols import predict
 
 FLOORS = ("persistence", "linear-elastic", "oracle")
 

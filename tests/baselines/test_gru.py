@@ -9,15 +9,15 @@ import torch
 import xarray as xr
 from plane_records import plane_records
 
-from granbench.baseline import TrainingRequest
 from granbench.baselines.gru import BASELINE, GruBaseline, GruCell, GruConfiguration, GruNetwork
 from granbench.baselines.training import Recipe
 from granbench.baselines.training.history import read_history
+from granbench.benchmark.axes.along_paths.free_run import rollout
+from granbench.benchmark.axes.physics.tangent import in_double_precision
+from granbench.cells.baseline import TrainingRequest
 from granbench.data.adapters import conditions_of, history_of
 from granbench.data.splits import select_split
 from granbench.errors import ModelError
-from granbench.protocols import rollout
-from granbench.protocols.tangent import in_double_precision
 
 
 @pytest.fixture(scope="module")

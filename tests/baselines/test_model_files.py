@@ -16,7 +16,7 @@ from granbench.baselines.training.model_files import (
     ModelDescription,
     write_model,
 )
-from granbench.candidate import find_candidate
+from granbench.cells.candidate import find_candidate
 from granbench.errors import ModelError
 
 ARCHITECTURE = RecurrentConfiguration(initial_layer=True)

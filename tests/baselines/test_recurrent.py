@@ -13,7 +13,7 @@ from granbench.baselines.recurrent_network import (
     RecurrentNetwork,
 )
 from granbench.baselines.recurrent_records import fit_scaling, tables, window_source
-from granbench.cell import Conditions
+from granbench.cells.contract import Conditions
 from granbench.data.adapters import conditions_of, history_of
 from granbench.errors import ModelError
 

@@ -12,7 +12,6 @@ import pytest
 import torch
 import xarray as xr
 
-from granbench.baseline import TrainingRequest
 from granbench.baselines import recurrent_records
 from granbench.baselines.lstm import BASELINE as LSTM
 from granbench.baselines.mlstm import BASELINE as MLSTM
@@ -22,7 +21,8 @@ from granbench.baselines.training import Recipe
 from granbench.baselines.training.history import read_history
 from granbench.baselines.training.model_files import WEIGHTS_FILE
 from granbench.baselines.training.progress import TRAINING_FILE
-from granbench.candidate import find_candidate
+from granbench.cells.baseline import TrainingRequest
+from granbench.cells.candidate import find_candidate
 from granbench.errors import ConfigurationError, ModelError, RegistryError
 from granbench.records import open_records, write_records
 
@@ -32,7 +32,7 @@ RUN = """
 import sys, time
 from pathlib import Path
 import torch
-from granbench.baseline import TrainingRequest, find_baseline
+from granbench.cells.baseline import TrainingRequest, find_baseline
 from granbench.baselines.training import engine
 from granbench.records import open_records, write_records
 torch.set_num_threads(1)

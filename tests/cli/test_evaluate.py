@@ -9,18 +9,18 @@ import xarray as xr
 from embedded_tasks import task as embedded_task
 from plane_records import plane_records
 
-from granbench.axes import NOISE_PROTOCOLS
-from granbench.checks import CHECKS
+from granbench.benchmark.axes.physics.checks import CHECKS
+from granbench.benchmark.predictions import open_predictions
+from granbench.benchmark.protocols import NOISE_PROTOCOLS
 from granbench.cli import main
 from granbench.leaderboard.submission import read_submission
 from granbench.models import find_model
 from granbench.models.parameter_file import write_parameters
-from granbench.predictions import open_predictions
 from granbench.records import write_records
 
 MODEL = """
 import torch
-from granbench.cell import ModuleCell
+from granbench.cells.contract import ModuleCell
 
 class Stiff(torch.nn.Module):
     def __init__(self, stiffness):
@@ -142,7 +142,7 @@ def test_a_users_own_module_is_scored_by_its_name(granbench, task, my_model, tmp
 
 PLANE_MODEL = """
 import torch
-from granbench.cell import ModuleCell
+from granbench.cells.contract import ModuleCell
 
 class Stiff(torch.nn.Module):
     def forward(self, dstrain, stress):

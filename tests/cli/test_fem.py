@@ -16,7 +16,7 @@ from granbench.models import MODELS
 MODULE = """
 import os, signal
 import torch
-from granbench.cell import ModuleCell
+from granbench.cells.contract import ModuleCell
 
 class Hooke(torch.nn.Module):
     def forward(self, dstrain, stress):

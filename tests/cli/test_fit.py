@@ -113,7 +113,7 @@ def test_a_fit_that_is_stopped_leaves_the_folder_as_it_was(
     def stopped(*_: object, **__: object) -> None:
         signal.raise_signal(number)
 
-    monkeypatch.setattr("granbench.baselines.fitting.fit", stopped)
+    monkeypatch.setattr("granbench.fitting.fit", stopped)
     assert run("fit", "j2", "--data", laboratory, "--out", out) == code
     said = capsys.readouterr().err
     assert said.count("\n") == 1

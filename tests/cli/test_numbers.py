@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
+from granbench.cells.work_budget import WorkExceeded, spend, work_budget
 from granbench.cli import main
 from granbench.cli.options import core_count
-from granbench.driven_model import Start
-from granbench.driving import Course, drive
+from granbench.element_test.driven_model import Start
+from granbench.element_test.driving import Course, drive
 from granbench.errors import ConfigurationError
 from granbench.models import MODELS
 from granbench.paths.standard_tests import find_test, strain_history
-from granbench.work_budget import WorkExceeded, spend, work_budget
 
 HUGE = "1" + "0" * 30
 DRIVE = ("drive", "csuh", "--e0", "0.8", "--control", "triaxial-drained", "--out", "o.csv")

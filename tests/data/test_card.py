@@ -11,8 +11,8 @@ import xarray as xr
 from granbench.data.card import FIGURES, write_card
 from granbench.data.card_text import card_text
 from granbench.errors import GranbenchError
-from granbench.observations import select
 from granbench.records import seal
+from granbench.records.observations import select
 
 
 def test_card_shows_every_figure_and_nothing_is_left_half_written(

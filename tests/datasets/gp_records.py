@@ -7,7 +7,7 @@ import numpy as np
 import torch
 import xarray as xr
 
-from granbench.cell import Rollout
+from granbench.cells.contract import Rollout
 from granbench.data import load
 from granbench.data.adapters import conditions_of
 from granbench.generators.classical.design import GROUND_TRUTHS

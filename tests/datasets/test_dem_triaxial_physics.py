@@ -9,13 +9,13 @@ import xarray as xr
 from granbench.data import load
 from granbench.data.replicates import replicate_pairs, replicate_scatter
 from granbench.data.splits import leak_report
-from granbench.observations import (
+from granbench.records import verify
+from granbench.records.observations import (
     critical_states,
     initial_void_ratio_at,
     select,
     stress_ratio,
 )
-from granbench.records import verify
 from granbench.tensors import deviatoric_stress, mean_stress
 
 ANCHOR = {"loading_family": "constant-p", "initial_mean_stress": 0.5e6}

@@ -9,18 +9,18 @@ import torch
 import xarray as xr
 from gp_records import principal_stress, series
 
-from granbench.boundary_values import embedded_analyses
+from granbench.benchmark.axes.embedded.posed import posed, stiffest_at
+from granbench.benchmark.axes.embedded.predict import embedded_truth
 from granbench.data import entry, load, split_hash
 from granbench.data.adapters import conditions_of
 from granbench.data.fetch import checkout_datasets
 from granbench.data.normalisation import Normalisation
 from granbench.data.splits import leak_report, select_split
+from granbench.fem.statement import embedded_analyses
 from granbench.generators.catalogue import generator
 from granbench.generators.fem.design import GROUND_TRUTHS, PRESETS, planned_analyses
 from granbench.models.ground_truth import ground_truth_cell
 from granbench.paths.drawn import STRAIN_GRID
-from granbench.protocols import embedded_truth
-from granbench.protocols.posed import posed, stiffest_at
 from granbench.records import open_records, verify
 from granbench.tensors import volumetric_strain
 

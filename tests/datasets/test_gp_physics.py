@@ -22,16 +22,16 @@ from gp_records import (
     split_rows,
 )
 
-from granbench.candidate import find_candidate
+from granbench.benchmark.evaluation import predict
+from granbench.benchmark.every_axis import score
+from granbench.benchmark.predictions import evaluated
+from granbench.cells.candidate import find_candidate
 from granbench.data.adapters import conditions_of
 from granbench.data.normalisation import Normalisation
 from granbench.generators.classical.recorded import recorded
-from granbench.models.csuh_formulas import critical_ratio
+from granbench.models.csuh.formulas import critical_ratio
 from granbench.paths.drawn import STRAIN_GRID
-from granbench.predictions import evaluated
-from granbench.protocols import predict
 from granbench.records import verify
-from granbench.scoring import score
 from granbench.tensors import frobenius_norm, lode_sin3, volumetric_strain
 
 ADMISSIBLE = (

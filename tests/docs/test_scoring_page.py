@@ -8,14 +8,13 @@ from lawless_cells import Elastic, Relaxing, cell
 from plane_records import plane_records
 from small_submissions import submitted
 
-from granbench.axes import AXES, PROTOCOLS
-from granbench.checks import CHECKS
+from granbench.benchmark.axes.cost.scores import COST_METRICS
+from granbench.benchmark.axes.embedded.metrics import EMBEDDED_METRICS
+from granbench.benchmark.axes.physics.checks import CHECKS
+from granbench.benchmark.metrics import METRIC_VERSION, PHYSICS_METRICS, TANGENT_METRICS, metrics
+from granbench.benchmark.protocols import AXES, PROTOCOLS
 from granbench.leaderboard.submission import read_submission
 from granbench.records import open_records, write_records
-from granbench.scoring import METRIC_VERSION
-from granbench.scoring.cost import COST_METRICS
-from granbench.scoring.embedded_metrics import EMBEDDED_METRICS
-from granbench.scoring.metrics import PHYSICS_METRICS, TANGENT_METRICS, metrics
 
 TEXT = scoring_page.PAGE.read_text(encoding="utf-8")
 

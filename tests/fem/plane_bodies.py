@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from granbench.cell import ModuleCell
+from granbench.cells.contract import ModuleCell
 from granbench.fem import PlaneMesh, Problem, rectangle
 from granbench.fem.loading import Loading, LoadingHistory, Prescribed
 

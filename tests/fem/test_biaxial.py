@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from plane_bodies import elastic_cell
 
-from granbench.cell import Conditions, MaterialCell
-from granbench.element_test import run_test
+from granbench.cells.contract import Conditions, MaterialCell
+from granbench.element_test.run import run_test
 from granbench.errors import ConfigurationError
 from granbench.fem import ExplicitSettings, ImplicitSettings, find_problem, rectangle, run
 from granbench.fem.operators import build_operators

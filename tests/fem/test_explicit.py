@@ -9,7 +9,7 @@ import xarray as xr
 from plane_bodies import LAME, SHEAR, STIFFNESS, Body, distorted, elastic_cell
 from torch import Tensor
 
-from granbench.cell import ModuleCell
+from granbench.cells.contract import ModuleCell
 from granbench.errors import AnalysisError, ConfigurationError
 from granbench.fem import ExplicitSettings, rectangle, run
 from granbench.fem.gauss_points import GaussPoints

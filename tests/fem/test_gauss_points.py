@@ -9,7 +9,7 @@ import torch
 from plane_bodies import STIFFNESS, Body, bounded_by, elastic_cell
 from torch import Tensor
 
-from granbench.cell import Conditions, ModuleCell, StateLayout
+from granbench.cells.contract import Conditions, ModuleCell, StateLayout
 from granbench.errors import ConfigurationError, ModelError
 from granbench.fem import ExplicitSettings, ImplicitSettings, rectangle, run
 from granbench.fem.cell_failure import CellFailure

@@ -9,7 +9,7 @@ from driven_cells import elastic
 from plane_bodies import STIFFNESS, elastic_cell
 from torch import Tensor
 
-from granbench.cell import ModuleCell
+from granbench.cells.contract import ModuleCell
 from granbench.errors import AnalysisError, ConfigurationError
 from granbench.fem import Analysis, ImplicitSettings, run
 from granbench.fem.iteration import SCHEMES, SINGLE_TOLERANCE, TOLERANCE

@@ -21,8 +21,8 @@ from mesh_writers import (
 from granbench.errors import ConfigurationError, GranbenchError
 from granbench.fem import ImplicitSettings, PlaneMesh, find_problem, run
 from granbench.fem.mesh_file import read_mesh
+from granbench.fem.mesh_files import read_plane_cells
 from granbench.fem.operators import build_operators
-from granbench.mesh_files import read_plane_cells
 from granbench.models import MODELS
 
 BIAXIAL = find_problem("biaxial", end_strain=0.004, confinement=5e4)

@@ -58,9 +58,9 @@ def _dataset_seeds(folder: Path) -> None:
 
 
 def _read_dataset(folder: Path) -> None:
-    from granbench.boundary_values import embedded_analyses
     from granbench.data.summary import listed_paths, summarise_file
     from granbench.data.verification import read_as_trusted, verify_file
+    from granbench.fem.statement import embedded_analyses
     from granbench.models.ground_truth import ground_truth_cell
 
     file = _only_file(folder)
@@ -92,7 +92,7 @@ def _submission_seeds(folder: Path) -> None:
 
 
 def _known(wanted: tuple[str, ...]) -> tuple[str, ...]:
-    from granbench.axes import AXES
+    from granbench.benchmark.protocols import AXES
 
     return tuple(axis for axis in AXES if axis in wanted) or AXES
 
@@ -101,11 +101,11 @@ def _model_submission(records: Path, out: Path) -> None:
     """A submission of a classical model, which validation runs again."""
     from small_submissions import about
 
-    from granbench.axes import AXES
-    from granbench.candidate import find_candidate
+    from granbench.benchmark.evaluation import predict
+    from granbench.benchmark.predictions import evaluated
+    from granbench.benchmark.protocols import AXES
+    from granbench.cells.candidate import find_candidate
     from granbench.leaderboard.composition import compose
-    from granbench.predictions import evaluated
-    from granbench.protocols import predict
 
     with open_records(records) as sealed:
         candidate = find_candidate("j2", sealed.load(), seeds=(0,))
@@ -207,7 +207,7 @@ def _change_model(folder: Path, rng: random.Random) -> None:
 
 
 def _read_model(folder: Path) -> None:
-    from granbench.candidate import find_candidate
+    from granbench.cells.candidate import find_candidate
 
     parameters = folder / "model/parameters.json"
     model = parameters if parameters.exists() else folder / "model"

@@ -7,7 +7,7 @@ import pytest
 from granbench.errors import DatasetError
 from granbench.laboratory import ImportSettings, read_tests
 from granbench.laboratory.quantities import known_quantity
-from granbench.units import unit_factor
+from granbench.units.known_units import unit_factor
 
 ROWS = [(0.0, 0.0, 100.0, 0.0), (1.0, 0.3, 100.0, 80.0), (2.0, 0.4, 100.0, 120.0),
         (3.0, 0.3, 100.0, 140.0), (4.0, 0.2, 100.0, 150.0)]  # fmt: skip

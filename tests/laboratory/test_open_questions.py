@@ -9,9 +9,9 @@ from granbench.errors import DatasetError
 from granbench.laboratory import ImportSettings, LaboratoryTest, read_tests
 from granbench.laboratory.assembly import assemble
 from granbench.laboratory.quantities import known_quantity
-from granbench.paths.table_files import _table as table_of
-from granbench.paths.table_layout import find_headings
-from granbench.paths.workbook import SheetRow
+from granbench.tables.table_files import _table as table_of
+from granbench.tables.table_layout import find_headings
+from granbench.tables.workbook import SheetRow
 
 AXIAL = np.linspace(0.0, 8.0, 17)
 GROWN = AXIAL / (1.0 + AXIAL)

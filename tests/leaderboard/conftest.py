@@ -8,9 +8,9 @@ import xarray as xr
 from small_cells import Oracle, Persistence, secant
 from small_submissions import submitted
 
-from granbench.cell import MaterialCell
+from granbench.benchmark.predictions import evaluated
+from granbench.cells.contract import MaterialCell
 from granbench.leaderboard.board import slug
-from granbench.predictions import evaluated
 from granbench.records import open_records, write_records
 
 

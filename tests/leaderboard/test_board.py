@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from small_cells import Persistence, secant
 
-from granbench.checks import CHECKS
+from granbench.benchmark.axes.physics.checks import CHECKS
+from granbench.benchmark.metrics import METRIC_VERSION
 from granbench.data.replicates import replicate_scatter
 from granbench.errors import ConfigurationError, SubmissionError
 from granbench.leaderboard.board import Row, accept, accepted, default_folder, slug
@@ -15,7 +16,6 @@ from granbench.leaderboard.build import build
 from granbench.leaderboard.rescoring import rescore
 from granbench.leaderboard.submission import read_submission
 from granbench.leaderboard.validation import validate
-from granbench.scoring import METRIC_VERSION
 
 
 @pytest.fixture(scope="module")

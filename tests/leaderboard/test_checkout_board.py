@@ -2,10 +2,10 @@
 
 import pytest
 
-from granbench.boundary_values import SOLVERS
+from granbench.benchmark.scorecard import Score
+from granbench.fem.statement import SOLVERS
 from granbench.leaderboard.board import accepted, default_folder
 from granbench.leaderboard.submission import Submission
-from granbench.scoring import Score
 
 MADE_BY = {
     "gp-j2": "j2-fitted",

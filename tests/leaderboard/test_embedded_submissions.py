@@ -11,7 +11,11 @@ import xarray as xr
 from embedded_tasks import Elastic, cell, task
 from small_submissions import about, submitted
 
-from granbench.candidate import find_candidate
+from granbench.benchmark.evaluation import predict
+from granbench.benchmark.every_axis import score
+from granbench.benchmark.predictions import evaluated, open_predictions, write_predictions
+from granbench.benchmark.scorecard import Score, Scorecard
+from granbench.cells.candidate import find_candidate
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
 from granbench.leaderboard.agreement import RERUN, RESCORED, compare
@@ -21,10 +25,7 @@ from granbench.leaderboard.chart import BOTTOM, HEIGHT, TOP, Line, share_chart
 from granbench.leaderboard.composition import compose
 from granbench.leaderboard.submission import Submission, file_digest, read_submission
 from granbench.leaderboard.validation import validate
-from granbench.predictions import evaluated, open_predictions, write_predictions
-from granbench.protocols import predict
 from granbench.records import open_records, write_records
-from granbench.scoring import Score, Scorecard, score
 
 
 @pytest.fixture(scope="module")

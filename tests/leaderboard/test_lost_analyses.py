@@ -4,12 +4,11 @@ from collections.abc import Callable
 
 import pytest
 
+from granbench.benchmark.scorecard import Score, Scorecard
 from granbench.errors import SubmissionError
 from granbench.leaderboard.agreement import RERUN, compare, lost_analyses
 from granbench.leaderboard.rows import default_folder
 from granbench.leaderboard.submission import Submission, read_submission
-from granbench.scoring import Score
-from granbench.scoring.scorecard import Scorecard
 
 
 @pytest.fixture(scope="module")

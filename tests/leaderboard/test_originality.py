@@ -10,13 +10,13 @@ import xarray as xr
 from small_cells import Persistence, secant
 from small_submissions import about
 
+from granbench.benchmark.predictions import open_predictions
 from granbench.errors import SubmissionError
 from granbench.leaderboard.admission import examine
 from granbench.leaderboard.board import accept
 from granbench.leaderboard.composition import compose
 from granbench.leaderboard.originality import is_deterministic
 from granbench.leaderboard.submission import read_submission
-from granbench.predictions import open_predictions
 
 Change = Callable[[xr.Dataset], xr.Dataset]
 

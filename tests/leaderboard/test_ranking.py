@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from small_cells import secant
 
+from granbench.benchmark.scorecard import Score
 from granbench.errors import SubmissionError
 from granbench.leaderboard.build import build
 from granbench.leaderboard.chart import _steps_marked
@@ -22,7 +23,6 @@ from granbench.leaderboard.ranking import (
 from granbench.leaderboard.rows import Row
 from granbench.leaderboard.submission import ModelFile, ModelReference, read_submission
 from granbench.leaderboard.tables import main_table
-from granbench.scoring import Score
 
 
 def scored(value: float, low: float | None = None, high: float | None = None) -> Score:

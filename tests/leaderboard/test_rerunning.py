@@ -11,12 +11,15 @@ from plane_records import plane_records
 from small_cells import secant
 from small_submissions import about
 
-from granbench.axes import AXES
 from granbench.baselines.mlstm import BASELINE as MLSTM
 from granbench.baselines.recurrent_network import RecurrentConfiguration
 from granbench.baselines.training.model_files import ModelDescription, write_model
-from granbench.candidate import Candidate, find_candidate
-from granbench.checks import CHECKS
+from granbench.benchmark.axes.physics.checks import CHECKS
+from granbench.benchmark.evaluation import predict
+from granbench.benchmark.predictions import evaluated
+from granbench.benchmark.protocols import AXES
+from granbench.benchmark.scorecard import Score
+from granbench.cells.candidate import Candidate, find_candidate
 from granbench.errors import SubmissionError
 from granbench.leaderboard.agreement import RERUN
 from granbench.leaderboard.board import Row, accept, accepted
@@ -28,10 +31,7 @@ from granbench.leaderboard.submission import file_digest, read_submission, write
 from granbench.leaderboard.validation import validate
 from granbench.models.j2 import J2
 from granbench.models.parameter_file import write_parameters
-from granbench.predictions import evaluated
-from granbench.protocols import predict
 from granbench.records import open_records, write_records
-from granbench.scoring import Score
 
 SEEDS = (0, 1, 2)
 
@@ -39,8 +39,8 @@ SEEDS = (0, 1, 2)
 @pytest.fixture(autouse=True, scope="module")
 def _hasty_clock() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("granbench.protocols.cost.SECONDS", 1e-3)
-        patch.setattr("granbench.protocols.cost.ROUNDS", 2)
+        patch.setattr("granbench.benchmark.axes.cost.predict.SECONDS", 1e-3)
+        patch.setattr("granbench.benchmark.axes.cost.predict.ROUNDS", 2)
         yield
 
 

@@ -10,7 +10,7 @@ from lawless_cells import Elastic, cell
 from plane_records import plane_records
 from small_submissions import submitted
 
-from granbench.axes import AXES
+from granbench.benchmark.protocols import AXES
 from granbench.errors import SubmissionError
 from granbench.leaderboard.rescoring import rescored
 from granbench.leaderboard.submission import (

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from granbench.cell import Conditions
+from granbench.cells.contract import Conditions
 from granbench.models import ClassicalCell
 
 PRESSURE = 1e5

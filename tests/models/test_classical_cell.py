@@ -4,7 +4,7 @@ import pytest
 import torch
 from plastic_paths import isotropic, random_increments, run, stress_of
 
-from granbench.cell import Conditions, History
+from granbench.cells.contract import Conditions, History
 from granbench.errors import ConfigurationError, ModelError
 from granbench.models import MODELS, classical, find_model
 from granbench.models.drucker_prager import DruckerPrager

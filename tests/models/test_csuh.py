@@ -21,11 +21,10 @@ from plastic_paths import (
 from textbook_csuh import Textbook
 from torch import Tensor
 
-from granbench.cell import Conditions
+from granbench.cells.contract import Conditions
 from granbench.errors import ModelError
-from granbench.models import csuh_formulas as formulas
-from granbench.models.csuh import CSUH
-from granbench.models.csuh_yielding import FLOOR
+from granbench.models.csuh import CSUH, formulas
+from granbench.models.csuh.yielding import FLOOR
 from granbench.models.substepping import Substepping
 
 SETS = tuple(CSUH.parameter_sets)

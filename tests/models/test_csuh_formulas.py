@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from granbench.models import csuh_formulas as formulas
+from granbench.models.csuh import formulas
 
 ROUNDING = 1e-12
 """Of a formula with some ten operations, the logarithms and powers of which lose a few digits."""

@@ -13,7 +13,7 @@ from plastic_paths import invariants, isotropic, random_increments, run, stress_
 from torch import Tensor
 
 from granbench.models.csuh import CSUH
-from granbench.models.csuh_yielding import FLOOR, PRESSURE_SCALE
+from granbench.models.csuh.yielding import FLOOR, PRESSURE_SCALE
 from granbench.models.substepping import Substepping
 
 SETS = tuple(CSUH.parameter_sets)

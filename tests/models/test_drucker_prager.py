@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from plastic_paths import compressed, invariants, isotropic, run, stress_of
 
-from granbench.cell import Conditions
+from granbench.cells.contract import Conditions
 from granbench.errors import ModelError
 from granbench.models.drucker_prager import DruckerPrager
 

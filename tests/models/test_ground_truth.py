@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from plane_records import plane_records
 
+from granbench.benchmark.axes.along_paths.free_run import rollout
 from granbench.errors import DatasetError
 from granbench.generators.classical.design import GROUND_TRUTHS
 from granbench.models.ground_truth import ground_truth_cell, holds_no_tension
-from granbench.predictions import GROUND_TRUTH
-from granbench.protocols import rollout
+from granbench.records.schema import GROUND_TRUTH
 
 QUICK = [name for name in GROUND_TRUTHS if name != "gp-csuh"]
 

@@ -13,7 +13,7 @@ from plastic_paths import (
     stress_of,
 )
 
-from granbench.cell import Conditions
+from granbench.cells.contract import Conditions
 from granbench.models.ime import IME
 from granbench.models.j2 import J2
 

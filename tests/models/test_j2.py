@@ -7,7 +7,7 @@ import pytest
 import torch
 from plastic_paths import compressed, isotropic, random_increments, run, stress_of
 
-from granbench.cell import Conditions
+from granbench.cells.contract import Conditions
 from granbench.models.j2 import J2
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from plastic_paths import compressed, invariants, isotropic, plastic_rows, random_increments, run
 
-from granbench.cell import Conditions
+from granbench.cells.contract import Conditions
 from granbench.models.j2_hardening import J2Hardening
 
 SHEAR, MODULUS, EXPONENT, STRAIN = 2e6 / 2.4, 4e5, 0.5, 0.0625

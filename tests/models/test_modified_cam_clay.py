@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from plastic_paths import PRESSURE, compressed, invariants, isotropic, random_increments, run
 from torch import Tensor
 
-from granbench.cell import Conditions
+from granbench.cells.contract import Conditions
 from granbench.models.csuh import CSUH
 from granbench.models.modified_cam_clay import ModifiedCamClay
 from granbench.models.substepping import Substepping

@@ -17,7 +17,7 @@ from plastic_paths import (
 )
 from torch import Tensor
 
-from granbench.cell import MaterialCell
+from granbench.cells.contract import MaterialCell
 from granbench.models import ClassicalCell, find_model
 
 PLASTIC = ("j2", "drucker-prager", "j2-hardening", "ime", "enhanced-ime")

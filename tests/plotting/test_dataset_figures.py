@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from synthetic_records import synthetic_records
 
 from granbench.errors import DatasetError
-from granbench.observations import comparable_compressions, select
 from granbench.plotting import (
     critical_state_figure,
     cyclic_figure,
@@ -18,6 +17,7 @@ from granbench.plotting import (
     quality_figure,
 )
 from granbench.plotting.style import SETTINGS
+from granbench.records.observations import comparable_compressions, select
 
 FIGURES = (
     critical_state_figure,

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 from small_cells import Fragile, Oracle, Persistence, secant
 
+from granbench.benchmark.evaluation import predict
+from granbench.benchmark.every_axis import score
+from granbench.benchmark.predictions import evaluated
 from granbench.data.normalisation import Normalisation
 from granbench.errors import ConfigurationError
 from granbench.plotting.predictions import horizon_figure, prediction_figure, typical_paths
 from granbench.plotting.style import model_styles
-from granbench.predictions import evaluated
-from granbench.protocols import predict
-from granbench.scoring import score
 
 
 @pytest.fixture

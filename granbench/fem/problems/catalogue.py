@@ -15,8 +15,8 @@ from granbench.fem.problems.problem import Problem
 from granbench.fem.problems.retaining_wall import RetainingWall
 from granbench.fem.problems.strip_footing import StripFooting
 from granbench.paths.confining_pressure import RandomConfinement
-from granbench.plausible import LARGEST_SEED
-from granbench.quantity_text import pressure_from_text, strain_from_text
+from granbench.units.plausible import LARGEST_SEED
+from granbench.units.quantity_text import pressure_from_text, strain_from_text
 
 PROBLEMS: Mapping[str, type[Problem]] = {
     kind.name: kind for kind in (Biaxial, RetainingWall, StripFooting, DogBone, PerforatedPlate)

@@ -9,7 +9,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from granbench.cell import MaterialCell
+from granbench.cells.contract import MaterialCell
 from granbench.errors import ConfigurationError, alternatives
 from granbench.fem.iteration import ImplicitSettings
 from granbench.fem.loading import Loading, LoadingHistory, Pressure
@@ -18,7 +18,7 @@ from granbench.fem.mesh_file import is_mesh_file, read_mesh
 from granbench.fem.problems.body import require_body, with_boundaries_of
 from granbench.fem.time_step import ExplicitSettings
 from granbench.paths.confining_pressure import RandomConfinement
-from granbench.plausible import LARGEST_STRESS, SMALLEST_STRESS
+from granbench.units.plausible import LARGEST_STRESS, SMALLEST_STRESS
 
 CYCLES: Mapping[str, tuple[float, ...]] = {
     "monotonic": (),

@@ -12,7 +12,7 @@ from granbench.generators.classical.design import (
     splits,
 )
 from granbench.models import MODELS
-from granbench.schema import SPLIT_PATTERN
+from granbench.records.schema import SPLIT_PATTERN
 
 CORE = PRESETS["core"]
 

@@ -5,8 +5,9 @@ from collections import Counter
 
 import pytest
 
-from granbench.boundary_values import EMBEDDED_ANALYSES, embedded_analyses, stated
+from granbench.benchmark.axes.embedded.posed import posed
 from granbench.errors import DatasetError, RegistryError
+from granbench.fem.statement import EMBEDDED_ANALYSES, embedded_analyses, stated
 from granbench.generators.fem.design import (
     GROUND_TRUTHS,
     PRESETS,
@@ -16,7 +17,6 @@ from granbench.generators.fem.design import (
     planned_analyses,
     preset,
 )
-from granbench.protocols.posed import posed
 
 CORE = PRESETS["core"]
 IME = GROUND_TRUTHS["fem-ime"]

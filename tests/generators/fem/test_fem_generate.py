@@ -9,7 +9,8 @@ import torch
 import xarray as xr
 from fem_records import fem_records
 
-from granbench.cell import ModuleCell
+from granbench.benchmark.axes.embedded.posed import posed
+from granbench.cells.contract import ModuleCell
 from granbench.data.adapters import conditions_of
 from granbench.data.splits import leak_report
 from granbench.errors import AnalysisError
@@ -20,7 +21,6 @@ from granbench.generators.fem import jobs as jobs_module
 from granbench.generators.fem.design import GROUND_TRUTHS, PRESETS, planned_analyses
 from granbench.generators.fem.jobs import campaign_job, different_points, run_analysis
 from granbench.models.ground_truth import ground_truth_cell
-from granbench.protocols.posed import posed
 from granbench.records import open_records, validate_records, verify
 
 SMOKE = PRESETS["smoke"]

@@ -1,0 +1,1 @@
+"""The benchmark: predictions of a model along every axis, and their scores."""

@@ -1,0 +1,1 @@
+"""Predictions along recorded paths, compared with the records."""

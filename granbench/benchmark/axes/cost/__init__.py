@@ -1,0 +1,1 @@
+"""What a model costs: parameters, training time, and time for each stress update."""

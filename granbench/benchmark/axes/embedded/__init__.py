@@ -1,0 +1,1 @@
+"""Whole finite-element analyses with the model at every Gauss point."""

@@ -1,0 +1,1 @@
+"""Laws of mechanics that a model must keep, and the accuracy of its tangent."""

@@ -1,0 +1,92 @@
+"""`score`: every axis of the benchmark, from the predictions and the truth alone."""
+
+from collections.abc import Iterator, Sequence
+
+import xarray as xr
+
+from granbench.benchmark.applicability import reads_records
+from granbench.benchmark.axes.along_paths.scores import curves, scores_of_split
+from granbench.benchmark.axes.cost.scores import cost_scores
+from granbench.benchmark.axes.embedded.scores import embedded_scores
+from granbench.benchmark.axes.physics.scores import physics_scores, physics_statistics
+from granbench.benchmark.metrics import METRIC_VERSION
+from granbench.benchmark.protocols import EMBEDDED
+from granbench.benchmark.reduction import split_order
+from granbench.benchmark.scorecard import ALL, Scales, Score, Scorecard, rounded
+from granbench.benchmark.statistics import align, path_statistics
+from granbench.data.normalisation import Normalisation
+from granbench.errors import SubmissionError
+from granbench.records.schema import GROUND_TRUTH
+
+NO_ANALYSES = "this task has no boundary-value problem with a ground-truth cell"
+NO_TRUTH = "this task has no ground-truth cell"
+READS_RECORDS = "the model reads its answers from the records, which have none for noised strain"
+
+
+def score(predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation) -> Scorecard:
+    """Score predictions against the records.
+
+    Parameters
+    ----------
+    predictions : see `granbench.benchmark.predictions`
+    truth : the records of exactly the predicted paths
+    normalisation : training standard deviations
+
+    Raises
+    ------
+    SubmissionError
+        If the predictions do not fit the records.
+    """
+    truth = align(truth, predictions)
+    components = [str(label) for label in truth["component"].values]
+    std = normalisation.std
+    statistics = path_statistics(predictions, truth, normalisation)
+    reads = reads_records(predictions, statistics)
+    of_analyses, curves_of_analyses = embedded_scores(predictions, truth, normalisation, reads)
+    return Scorecard(
+        metric_version=METRIC_VERSION,
+        normalisation=Scales(
+            stress=dict(zip(components, map(rounded, std["stress"]), strict=True)),
+            void_ratio=rounded(std["void_ratio"]) if "void_ratio" in std else None,
+        ),
+        scores=tuple(_scores(predictions, truth, statistics, normalisation, of_analyses, reads)),
+        curves=(*curves(statistics), *curves_of_analyses),
+    )
+
+
+def _scores(
+    predictions: xr.Dataset,
+    truth: xr.Dataset,
+    statistics: xr.Dataset,
+    normalisation: Normalisation,
+    embedded: Sequence[Score],
+    reads: bool,
+) -> Iterator[Score]:
+    no_truth = None if GROUND_TRUTH in truth.attrs else NO_TRUTH
+    physics = physics_statistics(predictions, truth, normalisation, reads)
+    no_noised_truth = no_truth or _no_noised_truth(predictions, reads)
+    for split in split_order(truth["split"].values.astype(str)):
+        yield from scores_of_split(statistics, split, no_noised_truth)
+        yield from physics_scores(physics, split)
+        if not embedded:
+            yield Score(
+                axis=EMBEDDED, protocol=EMBEDDED, split=split, metric=ALL,
+                status="not_applicable", reason=NO_ANALYSES,
+            )  # fmt: skip
+    yield from embedded
+    yield from cost_scores(predictions, no_truth, reads)
+
+
+def _no_noised_truth(predictions: xr.Dataset, reads: bool) -> str | None:
+    """Why there is no truth for noised strain where there is a ground truth, or None."""
+    if reads:
+        return READS_RECORDS
+    protocols = predictions["protocol"].values if "protocol" in predictions.coords else ()
+    noised = predictions["noise"].values if "noise" in predictions.coords else ()
+    missing = {name for name in protocols if str(name).startswith("noise")} - set(noised)
+    if missing:
+        raise SubmissionError(
+            f"the predictions lack the ground truth along the strain of {min(missing)}; run "
+            "`granbench evaluate` again"
+        )
+    return None

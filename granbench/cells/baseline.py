@@ -1,0 +1,139 @@
+"""Reference models: what each offers, and how they are found by name.
+
+A package registers a model under the entry-point group `granbench.baselines`; this module
+knows none of them. What else a user may name as a model is known to `granbench.cells.candidate`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Protocol
+
+import xarray as xr
+
+from granbench.cells.contract import MaterialCell
+from granbench.errors import ModelError, alternatives
+
+ENTRY_POINTS = "granbench.baselines"
+DESCRIPTION_FILE = "model.json"
+"""In the folder of every trained model; its key `baseline` names the architecture."""
+
+
+@dataclass(frozen=True)
+class EpochReport:
+    """What one epoch of a training run did.
+
+    Parameters
+    ----------
+    epoch : number of epochs done
+    seconds : of training so far, over all sessions of the run
+    training_loss : mean over the epoch's batches, while the weights moved
+    validation_loss : of the weights at the epoch's end
+    best_loss : lowest validation loss so far
+    learning_rate : of this epoch
+    progress : share of the run that is over, in [0, 1]
+    """
+
+    epoch: int
+    seconds: float
+    training_loss: float
+    validation_loss: float
+    best_loss: float
+    learning_rate: float
+    progress: float
+
+
+@dataclass(frozen=True)
+class TrainingRequest:
+    """What to train on, where the run lives, and when it ends.
+
+    Parameters
+    ----------
+    records : the whole dataset; training and validation splits are chosen by the baseline
+    out : folder of the run; one that was begun is continued
+    seed : of the first weights and of the order of the items
+    preset : a name in `Baseline.presets`; the first of them where None
+    epochs : in place of the preset's
+    seconds : of training over all sessions; None for no limit
+    device : of torch, such as `cpu` or `cuda`
+    on_epoch : called after every epoch
+    """
+
+    records: xr.Dataset
+    out: Path
+    seed: int = 0
+    preset: str | None = None
+    epochs: int | None = None
+    seconds: float | None = None
+    device: str = "cpu"
+    on_epoch: Callable[[EpochReport], None] | None = None
+
+
+class Baseline(Protocol):
+    """A reference model: how to train it, and how to get its cell.
+
+    Attributes
+    ----------
+    name : under which it is registered
+    title : for people
+    presets : names of its training settings, the default first; empty where nothing is trained
+
+    One with a true attribute `floor` frames the tables of the board, and is not ranked.
+    """
+
+    @property
+    def name(self) -> str:
+        """See `Baseline`."""
+
+    @property
+    def title(self) -> str:
+        """See `Baseline`."""
+
+    @property
+    def presets(self) -> Sequence[str]:
+        """See `Baseline`."""
+
+    def train(self, request: TrainingRequest) -> Path:
+        """Train, or continue, and return the model's folder.
+
+        Raises
+        ------
+        ModelError
+            If there is nothing to train, or the run fails.
+        ConfigurationError
+            If the request does not fit the model or the folder.
+        """
+
+    def load(self, folder: Path | None, records: xr.Dataset) -> MaterialCell:
+        """The cell of a trained model, or of one that needs no training (`folder` None).
+
+        Parameters
+        ----------
+        folder : what `train` returned
+        records : the whole dataset of the task, from whose training split constants are fitted
+
+        Raises
+        ------
+        ModelError
+            If the model's files are missing or damaged, or the dataset lacks what it needs.
+        """
+
+
+def baseline_names() -> list[str]:
+    """Names of the registered models, sorted."""
+    return sorted({point.name for point in entry_points(group=ENTRY_POINTS)})
+
+
+def find_baseline(name: str) -> Baseline:
+    """The registered model `name`.
+
+    Raises
+    ------
+    ModelError
+        If there is none of this name.
+    """
+    for point in entry_points(group=ENTRY_POINTS):
+        if point.name == name:
+            return point.load()
+    raise ModelError(f"unknown baseline {name!r}: {alternatives(name, baseline_names())}")

@@ -1,0 +1,1 @@
+"""Element tests: any material cell under strain control or mixed control."""

@@ -1,0 +1,318 @@
+"""From what a mesh file holds to plane elements of one shape, with named edges.
+
+Nodes of no element are left out, nodes at one place become one, elements are turned anticlockwise,
+and what makes no body is refused: elements out of one plane, parts that share no nodes, elements
+that are there twice over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from granbench.errors import ConfigurationError
+from granbench.fem.mesh_files.contents import ElementBlock, MeshContents, require_size
+
+SAME_PLACE = 1e-8
+"""Distance of two nodes, over the mesh's extent, below which they are one."""
+FLAT = 1e-6
+"""Distance from one plane, over the mesh's extent, that is rounding of the file."""
+FARTHEST = 1e6
+"""Coordinate, m, beyond which rounding spoils what a mesh of some metres says."""
+STRAIGHT = 1e-6
+"""Distance of an edge's node from its middle, over the edge's length, that is rounding."""
+
+
+@dataclass(frozen=True)
+class PlaneCells:
+    """Plane elements of three or of four corners.
+
+    Parameters
+    ----------
+    nodes : (corner node, direction), m
+    corners : (element, 3 or 4), places in `nodes`, anticlockwise
+    middles : (element, edge, direction), m, of the edges from each corner to the next; None if all
+        of them are straight
+    boundaries : (edge, 2) places in `nodes`, by name
+    notes : what was done to the file's mesh, and what a user should know of it
+    """
+
+    nodes: np.ndarray
+    corners: np.ndarray
+    middles: np.ndarray | None
+    boundaries: Mapping[str, np.ndarray]
+    notes: tuple[str, ...]
+
+
+def plane_cells(found: MeshContents) -> PlaneCells:
+    """Plane elements of one shape, with named edges.
+
+    Raises
+    ------
+    ConfigurationError
+        If there are none, they lie in no plane x-y, fall into several parts, or share an edge by
+        threes.
+    """
+    notes = list(found.notes)
+    corners, middles = _elements(found.blocks, notes)
+    require_size(len(corners), 0)
+    merged = _plane_nodes(found.nodes, np.union1d(corners.ravel(), middles[middles >= 0]), notes)
+    corners = merged.renamed[corners]
+    middles = np.where(middles >= 0, merged.renamed[middles], -1)
+    corners, middles = _each_once(corners, middles)
+    corners, middles = _anticlockwise(merged.nodes, corners, middles)
+    edges = _Edges(corners, merged.nodes)
+    positions = edges.middles(middles)
+    boundaries = _boundaries(found, merged, edges, middles, notes)
+    used, places = np.unique(corners, return_inverse=True)
+    renumbered = np.full(len(merged.nodes), -1)
+    renumbered[used] = np.arange(len(used))
+    return PlaneCells(
+        merged.nodes[used],
+        places.reshape(corners.shape),
+        positions,
+        {name: renumbered[pairs] for name, pairs in boundaries.items()},
+        tuple(notes),
+    )
+
+
+def _elements(blocks: tuple[ElementBlock, ...], notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Corners and edge nodes (-1 where there is none) of all elements, in one shape."""
+    blocks = tuple(block for block in blocks if len(block.nodes))
+    if not blocks:
+        raise ConfigurationError(
+            "has no plane elements; give triangles or quadrilaterals (in Gmsh a physical surface, "
+            "or Mesh.SaveAll)"
+        )
+    by_shape: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for block in blocks:
+        count = block.nodes.shape[1]
+        shape = 3 if count in (3, 6) else 4
+        corners = block.nodes[:, :shape]
+        middles = block.nodes[:, shape : 2 * shape] if count > 4 else np.full_like(corners, -1)
+        by_shape.setdefault(shape, []).append((corners, middles))
+    if stress := [block.kind for block in blocks if block.kind.startswith("CPS")]:
+        notes.append(
+            f"its {' and '.join(dict.fromkeys(stress))} are elements of plane stress; the analysis "
+            "is in plane strain"
+        )
+    joined = {
+        shape: tuple(map(np.concatenate, zip(*parts, strict=True)))
+        for shape, parts in by_shape.items()
+    }
+    if len(joined) == 1:
+        ((corners, middles),) = joined.values()
+        return corners, middles
+    notes.append(
+        f"it mixes {len(joined[3][0])} triangles with {len(joined[4][0])} quadrilaterals; each of "
+        "these is cut into two triangles"
+    )
+    halves = _halves(*joined[4])
+    return np.concatenate([joined[3][0], halves[0]]), np.concatenate([joined[3][1], halves[1]])
+
+
+def _halves(corners: np.ndarray, middles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two triangles of each quadrilateral."""
+    none = np.full(len(corners), -1)
+    first = corners[:, [0, 1, 2]], np.column_stack([middles[:, 0], middles[:, 1], none])
+    second = corners[:, [0, 2, 3]], np.column_stack([none, middles[:, 2], middles[:, 3]])
+    return np.concatenate([first[0], second[0]]), np.concatenate([first[1], second[1]])
+
+
+@dataclass(frozen=True)
+class _Merged:
+    """Nodes in the plane, those at one place once.
+
+    Parameters
+    ----------
+    nodes : (node, direction), m
+    renamed : from places in the file's nodes to places in these; -1 for one that is away from all
+        elements
+    """
+
+    nodes: np.ndarray
+    renamed: np.ndarray
+
+
+def _plane_nodes(nodes: np.ndarray, used: np.ndarray, notes: list[str]) -> _Merged:
+    places = nodes[used]
+    if not np.isfinite(places).all():
+        lost = int(used[~np.isfinite(places).all(axis=1)][0])
+        raise ConfigurationError(
+            f"node {lost} (counted from 0) has a coordinate that is not finite; correct it"
+        )
+    if np.abs(places).max() > FARTHEST:
+        raise ConfigurationError(
+            f"has a node at {np.abs(places).max():.3g} m; give coordinates in m, near the origin"
+        )
+    extent = float(np.ptp(places, axis=0).max()) or 1.0
+    if places.shape[1] == 3 and np.ptp(places[:, 2]) > FLAT * extent:
+        low, high = places[:, 2].min(), places[:, 2].max()
+        flat = [name for name, span in zip("xy", np.ptp(places, axis=0), strict=False)
+                if span <= FLAT * extent]  # fmt: skip
+        where = f"it lies in a plane of constant {flat[0]}" if flat else "it lies in no plane"
+        raise ConfigurationError(
+            f"its z goes from {low:g} to {high:g}: {where}; draw it in x (to the right) and y (up)"
+        )
+    flat_places = places[:, :2].astype(float)
+    tree = cKDTree(flat_places)
+    pairs = tree.query_pairs(SAME_PLACE * extent, output_type="ndarray")
+    count = len(used)
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    groups, labels = connected_components(graph, directed=False)
+    first = np.full(groups, count)
+    np.minimum.at(first, labels, np.arange(count))
+    if groups < count:
+        notes.append(
+            f"{count - groups} of its nodes lie where another one is; they are taken for one"
+        )
+    renamed = np.full(len(nodes), -1)
+    renamed[used] = labels
+    # Lines may have nodes of their own along the elements' edges.
+    others = np.flatnonzero((renamed < 0) & (np.abs(nodes) < FARTHEST).all(axis=1))
+    away, nearest = tree.query(nodes[others, :2])
+    beside = away <= SAME_PLACE * extent
+    renamed[others[beside]] = labels[nearest[beside]]
+    return _Merged(flat_places[first], renamed)
+
+
+def _each_once(corners: np.ndarray, middles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Elements that a file lists once for every group that they are in."""
+    _, first = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)
+    first.sort()
+    return corners[first], middles[first]
+
+
+def _anticlockwise(
+    nodes: np.ndarray, corners: np.ndarray, middles: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    x, y = np.moveaxis(nodes[corners], -1, 0)
+    area = (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)
+    clockwise = (area < 0.0)[:, None]
+    turned = np.column_stack([corners[:, 0], corners[:, :0:-1]])
+    return np.where(clockwise, turned, corners), np.where(clockwise, middles[:, ::-1], middles)
+
+
+class _Edges:
+    """Edges of elements, each once.
+
+    Parameters
+    ----------
+    corners : (element, corner)
+    nodes : (node, direction), m
+    """
+
+    def __init__(self, corners: np.ndarray, nodes: np.ndarray) -> None:
+        self.nodes = nodes
+        pairs = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1)
+        self.shape = corners.shape
+        self.keys, of_element, counts = np.unique(
+            self.key(pairs.reshape(-1, 2)), return_inverse=True, return_counts=True
+        )
+        self.of_element = of_element.reshape(self.shape)
+        self.pairs = np.column_stack([self.keys // len(nodes), self.keys % len(nodes)])
+        self.free = counts == 1
+        self._require_one_body(corners, counts)
+
+    def key(self, pairs: np.ndarray) -> np.ndarray:
+        """One number for each pair of nodes."""
+        low, high = pairs.min(axis=1), pairs.max(axis=1)
+        return np.asarray(low.astype(np.int64) * len(self.nodes) + high)
+
+    def find(self, pairs: np.ndarray) -> np.ndarray:
+        """Numbers of the edges between pairs of nodes; -1 where there is none."""
+        if len(pairs) == 0:
+            return np.zeros(0, np.int64)
+        key = self.key(pairs)
+        at = np.minimum(np.searchsorted(self.keys, key), len(self.keys) - 1)
+        return np.where((self.keys[at] == key) & (pairs >= 0).all(axis=1), at, -1)
+
+    def _require_one_body(self, corners: np.ndarray, counts: np.ndarray) -> None:
+        if (crowded := counts > 2).any():
+            x, y = self.nodes[self.pairs[crowded.argmax()]].mean(axis=0)
+            raise ConfigurationError(
+                f"the edge at ({x:g}, {y:g}) belongs to {counts[crowded.argmax()]} elements; leave "
+                "one element in each place"
+            )
+        elements = np.repeat(np.arange(self.shape[0]), self.shape[1])
+        size = (self.shape[0], len(self.keys))
+        on = coo_array((np.ones(len(elements)), (elements, self.of_element.ravel())), shape=size)
+        parts, _ = connected_components((on @ on.T).tocsr(), directed=False)
+        if parts > 1:
+            raise ConfigurationError(
+                f"it falls into {parts} parts that share no nodes; join them (in Gmsh "
+                "fragment the surfaces, or let them share their curves)"
+            )
+
+    def middles(self, given: np.ndarray) -> np.ndarray | None:
+        """Middle of each element's edges, (element, edge, direction); None if all are straight."""
+        ends = self.nodes[self.pairs]
+        straight = ends.mean(axis=1)
+        node = np.full(len(self.keys), -1)
+        has = given >= 0
+        node[self.of_element[has]] = given[has]
+        differs = has & (node[self.of_element] != given)
+        if differs.any():
+            x, y = straight[self.of_element[differs][0]]
+            raise ConfigurationError(
+                f"two elements have different nodes on their common edge at ({x:g}, {y:g}); mesh "
+                "them together"
+            )
+        middles = np.where((node >= 0)[:, None], self.nodes[node], straight)
+        length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        off = np.linalg.norm(middles - straight, axis=1)
+        if (off <= STRAIGHT * length).all():
+            return None
+        return np.asarray(middles[self.of_element])
+
+
+def _boundaries(
+    found: MeshContents, merged: _Merged, edges: _Edges, middles: np.ndarray, notes: list[str]
+) -> dict[str, np.ndarray]:
+    """Pairs of corners of the edges in every named group."""
+    is_corner = np.zeros(len(merged.nodes), dtype=bool)
+    is_corner[edges.pairs] = True
+    edge_with = np.full(len(merged.nodes) + 1, -1)
+    edge_with[middles[middles >= 0]] = edges.of_element[middles >= 0]
+    boundaries: dict[str, np.ndarray] = {}
+    for name, groups in found.lines.items():
+        parts = [
+            _edges_of_lines(merged.renamed[lines], edges, is_corner, edge_with)
+            for lines in groups
+            if len(lines)
+        ]
+        listed = np.unique(np.concatenate(parts)) if parts else np.zeros(0, np.int64)
+        if (lost := sum(int((part < 0).sum()) for part in parts)) and (listed >= 0).any():
+            notes.append(f"{lost} lines of its group {name!r} lie along no element's edge")
+        boundaries[name] = edges.pairs[listed[listed >= 0]]
+    for name, nodes in found.node_sets.items():
+        if len(boundaries.get(name, ())):
+            continue
+        within = np.zeros(len(merged.nodes) + 1, dtype=bool)
+        within[merged.renamed[nodes]] = True
+        within[-1] = False  # where the nodes of no element went
+        boundaries[name] = edges.pairs[within[edges.pairs].all(axis=1) & edges.free]
+    return {name: pairs for name, pairs in boundaries.items() if len(pairs)}
+
+
+def _edges_of_lines(
+    lines: np.ndarray, edges: _Edges, is_corner: np.ndarray, edge_with: np.ndarray
+) -> np.ndarray:
+    """The edge along each line, -1 where there is none.
+
+    Of a line with three nodes those count that are corners of elements, whatever their order; a
+    line from a corner to the node in the middle of an edge counts for that edge.
+    """
+    corner = is_corner[lines] & (lines >= 0)
+    pairs = np.full((len(lines), 2), -1)
+    two = corner.sum(axis=1) == 2
+    pairs[two] = lines[two][corner[two]].reshape(-1, 2)
+    along = edges.find(pairs)
+    half = (corner.sum(axis=1) == 1) & (lines.shape[1] == 2)
+    along[half] = edge_with[np.where(corner[half], -1, lines[half]).max(axis=1)]
+    return along

@@ -1,0 +1,368 @@
+"""Gmsh's MSH files: versions 2 and 4.1, text and binary, first and second order.
+
+Physical groups are taken by their names: physical curves become boundaries. Entities without a
+physical group, which a file has when it was saved with `Mesh.SaveAll`, count as part of the body if
+they are surfaces, and are left out if they are curves or points. Partitioned files are read whole.
+
+References
+----------
+Gmsh reference manual, "MSH file format" and "Legacy formats".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from granbench.errors import ConfigurationError
+from granbench.fem.mesh_files.contents import ElementBlock, MeshContents, require_size
+
+POINT, LINES = 15, {1: 2, 8: 3}
+PLANE = {2: ("triangle", 3), 3: ("quadrangle", 4), 9: ("6-node triangle", 6),
+         10: ("9-node quadrangle", 9), 16: ("8-node quadrangle", 8)}  # fmt: skip
+"""Gmsh's numbers of element types: their nodes."""
+SOLID = (4, 5, 6, 7, 11, 12, 13, 14, 17, 18, 19)
+
+NAME = re.compile(r'^\s*(\d)\s+(-?\d+)\s+"?(.*?)"?\s*$')
+DAMAGED = "the file is damaged or cut off; write it again"
+
+
+@dataclass
+class _Found:
+    """What the sections of a file have said so far."""
+
+    names: dict[tuple[int, int], str] = field(default_factory=dict)
+    groups: dict[tuple[int, int], list[int]] = field(default_factory=dict)
+    tags: np.ndarray | None = None
+    nodes: np.ndarray | None = None
+    elements: list[tuple[int, np.ndarray, list[int]]] = field(default_factory=list)
+
+
+class _Numbers:
+    """The numbers of one section in their order, of text or of binary data."""
+
+    def __init__(self, section: str, raw: bytes, order: str | None, size: int) -> None:
+        self.section, self.order, self.size = section, order, size
+        self.raw = raw
+        self.words = raw.split() if order is None else []
+        self.place = 0
+
+    def integers(self, count: int) -> np.ndarray:
+        """The next 4-byte integers."""
+        return self._next(count, "i4")
+
+    def counts(self, count: int) -> np.ndarray:
+        """The next integers of the size that the file's header says."""
+        return self._next(count, f"u{self.size}")
+
+    def count(self) -> int:
+        """The next integer of that size."""
+        return int(self.counts(1)[0])
+
+    def reals(self, count: int) -> np.ndarray:
+        """The next floating-point numbers."""
+        return self._next(count, "f8")
+
+    def _next(self, count: int, kind: str) -> np.ndarray:
+        if self.order is None:
+            if not 0 <= count <= len(self.words) - self.place:
+                raise self._short()
+            words = self.words[self.place : self.place + count]
+            self.place += count
+            try:
+                numbers = np.array(words, dtype="S").astype(float)
+            except ValueError:
+                raise ConfigurationError(
+                    f"section ${self.section} has {_first_word(words)!r} where a number belongs; "
+                    f"{DAMAGED}"
+                ) from None
+            if kind == "f8":
+                return numbers
+            whole = np.isfinite(numbers) & (numbers == np.round(numbers)) & (abs(numbers) < 2**53)
+            if not whole.all():
+                raise ConfigurationError(
+                    f"section ${self.section} has {numbers[~whole][0]:g} where a whole number "
+                    f"belongs; {DAMAGED}"
+                )
+            return numbers.astype(np.int64)
+        width = int(kind[1:])
+        if not 0 <= count <= (len(self.raw) - self.place) // width:
+            raise self._short()
+        found = np.frombuffer(self.raw, self.order + kind, count, self.place)
+        self.place += count * width
+        return found.astype(float if kind == "f8" else np.int64)
+
+    def _short(self) -> ConfigurationError:
+        return ConfigurationError(f"section ${self.section} has too few numbers; {DAMAGED}")
+
+
+def _first_word(words: list[bytes]) -> str:
+    for word in words:
+        try:
+            float(word)
+        except ValueError:
+            return word.decode("latin-1")[:40]
+    return "a word"
+
+
+def read_gmsh(path: Path) -> MeshContents:
+    """The mesh of an MSH file.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the section and what is wrong with it; the remedy for versions and element types that
+        are not read.
+    """
+    raw = path.read_bytes()
+    found = _Found()
+    version, order, size, begin = _header(raw)
+    for section, content in _sections(raw, begin):
+        numbers = _Numbers(section, content, order, size)
+        if section == "PhysicalNames":
+            _read_names(found, content)
+        elif section == "Entities" and version == 4:
+            _read_entities(found, numbers, partitioned=False)
+        elif section == "PartitionedEntities" and version == 4:
+            _read_entities(found, numbers, partitioned=True)
+        elif section == "ParametricNodes":
+            raise ConfigurationError("has parametric nodes; save it without Mesh.SaveParametric")
+        elif section == "Nodes":
+            (_read_nodes if version == 4 else _read_nodes_2)(found, numbers, content)
+        elif section == "Elements":
+            (_read_elements if version == 4 else _read_elements_2)(found, numbers, content)
+    return _contents(found)
+
+
+def _header(raw: bytes) -> tuple[int, str | None, int, int]:
+    """Major version, byte order (None for text), size of counts, and where sections begin."""
+    start = raw.find(b"$MeshFormat")
+    if start < 0:
+        if b"$NOD" in raw[:2000]:
+            raise ConfigurationError("is of MSH version 1; save it in Gmsh as version 4.1 or 2.2")
+        begin = raw[:30].split(b"\n")[0].decode("latin-1")
+        raise ConfigurationError(
+            f"is no Gmsh file: it begins with {begin!r} and has no section $MeshFormat; write it "
+            "with Gmsh, version 4.1 or 2.2"
+        )
+    line_end = raw.find(b"\n", start)
+    first, _, rest = raw[line_end + 1 :].partition(b"\n")
+    words = first.split()
+    try:
+        version, binary, size = float(words[0]), int(words[1]), int(words[2])
+    except (IndexError, ValueError):
+        raise ConfigurationError(f"section $MeshFormat is not one of Gmsh; {DAMAGED}") from None
+    if not (2.0 <= version < 3.0 or version == 4.1) or binary not in (0, 1) or size not in (4, 8):
+        raise ConfigurationError(
+            f"is of MSH version {words[0].decode('latin-1')[:20]}; save it in Gmsh as version 4.1 "
+            "or 2.2 (Mesh.MshFileVersion, or gmsh FILE -save -format msh41)"
+        )
+    order = None
+    if binary:
+        order = "<" if rest[:4] == b"\1\0\0\0" else ">"
+        if rest[:4] not in (b"\1\0\0\0", b"\0\0\0\1"):
+            raise ConfigurationError(f"says binary, but is not; {DAMAGED}")
+    return int(version), order, size, line_end + len(first) + 2
+
+
+def _sections(raw: bytes, begin: int) -> Iterator[tuple[str, bytes]]:
+    """Name and content of each section, those before $MeshFormat left out."""
+    mark = re.compile(rb"^\$([A-Za-z][A-Za-z0-9]*)[ \t]*\r?\n", re.MULTILINE)
+    end = raw.find(b"$EndMeshFormat", begin)
+    place = begin if end < 0 else end
+    while section := mark.search(raw, place):
+        name = section[1].decode()
+        if name.startswith("End"):
+            place = section.end()
+            continue
+        # Binary data may hold any bytes: the end is a line of its own.
+        close = raw.find(b"\n$End" + section[1], section.end() - 1)
+        if close < 0:
+            raise ConfigurationError(f"section ${name} has no end; {DAMAGED}")
+        yield name, raw[section.end() : close + 1]
+        place = close + 1
+
+
+def _read_names(found: _Found, content: bytes) -> None:
+    try:
+        text = content.decode("utf-8")
+    except UnicodeDecodeError:
+        text = content.decode("latin-1")
+    for line in text.splitlines()[1:]:
+        if matched := NAME.match(line):
+            found.names[int(matched[1]), abs(int(matched[2]))] = matched[3]
+
+
+def _read_entities(found: _Found, numbers: _Numbers, *, partitioned: bool) -> None:
+    """Physical groups of each entity, by its dimension and tag."""
+    if partitioned:
+        numbers.count()
+        numbers.integers(2 * numbers.count())
+    for dimension, count in enumerate(numbers.counts(4)):
+        for _ in range(int(count)):
+            tag = int(numbers.integers(1)[0])
+            parent = None
+            if partitioned:
+                parent = tuple(map(int, numbers.integers(2)))
+                numbers.integers(numbers.count())
+            numbers.reals(3 if dimension == 0 else 6)
+            groups = [abs(int(group)) for group in numbers.integers(numbers.count())]
+            if not groups and parent is not None and parent[0] == dimension:
+                groups = found.groups.get((parent[0], parent[1]), [])
+            found.groups[dimension, tag] = groups
+            if dimension:
+                numbers.integers(numbers.count())
+
+
+def _read_nodes(found: _Found, numbers: _Numbers, content: bytes) -> None:
+    blocks, total, _, _ = map(int, numbers.counts(4))
+    require_size(0, total)
+    tags, nodes = [], []
+    for _ in range(blocks):
+        dimension, _, parametric = map(int, numbers.integers(3))
+        count = numbers.count()
+        tags.append(numbers.counts(count))
+        width = 3 + (dimension if parametric else 0)
+        nodes.append(numbers.reals(count * width).reshape(count, width)[:, :3])
+    found.tags = np.concatenate(tags) if tags else np.zeros(0, np.int64)
+    found.nodes = np.concatenate(nodes) if nodes else np.zeros((0, 3))
+
+
+def _read_nodes_2(found: _Found, numbers: _Numbers, content: bytes) -> None:
+    if numbers.order is None:
+        total = numbers.count()
+        require_size(0, total)
+        rows = numbers.reals(4 * total).reshape(total, 4)
+        tags = _Numbers(numbers.section, b"", None, 8)
+        tags.words = numbers.words[1 : 1 + 4 * total : 4]
+        found.tags, found.nodes = tags.counts(total), rows[:, 1:]
+        return
+    total = _counted_line(numbers, content)
+    require_size(0, total)
+    kind = np.dtype([("tag", numbers.order + "i4"), ("x", numbers.order + "f8", 3)])
+    if total * kind.itemsize > len(content) - numbers.place:
+        raise numbers._short()
+    rows = np.frombuffer(content, kind, total, numbers.place)
+    found.tags, found.nodes = rows["tag"].astype(np.int64), rows["x"].astype(float)
+
+
+def _counted_line(numbers: _Numbers, content: bytes) -> int:
+    """The count in the first line of a binary section of version 2; numbers follow it."""
+    line, _, _ = content.partition(b"\n")
+    try:
+        count = int(line)
+    except ValueError:
+        raise ConfigurationError(
+            f"section ${numbers.section} does not begin with a count; {DAMAGED}"
+        ) from None
+    numbers.place = len(line) + 1
+    return count
+
+
+def _read_elements(found: _Found, numbers: _Numbers, content: bytes) -> None:
+    blocks, _, _, _ = map(int, numbers.counts(4))
+    for _ in range(blocks):
+        dimension, entity, kind = map(int, numbers.integers(3))
+        count = numbers.count()
+        width = 1 + _nodes_of(kind)
+        nodes = numbers.counts(count * width).reshape(count, width)[:, 1:]
+        found.elements.append((kind, nodes, found.groups.get((dimension, entity), [])))
+
+
+def _read_elements_2(found: _Found, numbers: _Numbers, content: bytes) -> None:
+    rows: dict[tuple[int, int], list[np.ndarray]] = {}
+    if numbers.order is None:
+        total = numbers.count()
+        for _ in range(total):
+            _, kind, tag_count = map(int, numbers.integers(3))
+            tags = numbers.integers(tag_count)
+            group = abs(int(tags[0])) if tag_count else 0
+            nodes = numbers.integers(_nodes_of(kind))
+            rows.setdefault((kind, group), []).append(nodes[None])
+    else:
+        total, done = _counted_line(numbers, content), 0
+        while done < total:
+            kind, count, tag_count = map(int, numbers.integers(3))
+            if count < 1 or tag_count < 0:
+                raise numbers._short()
+            width = 1 + tag_count + _nodes_of(kind)
+            block = numbers.integers(count * width).reshape(count, width)
+            groups = np.abs(block[:, 1]) if tag_count else np.zeros(count, np.int64)
+            for group in np.unique(groups):
+                nodes = block[groups == group][:, 1 + tag_count :]
+                rows.setdefault((kind, int(group)), []).append(nodes)
+            done += count
+    for (kind, group), parts in rows.items():
+        found.elements.append((kind, np.concatenate(parts), [group] if group else []))
+
+
+def _nodes_of(kind: int) -> int:
+    """Nodes of an element type.
+
+    Raises
+    ------
+    ConfigurationError
+        With the remedy, if it is of three dimensions or of third order.
+    """
+    if kind == POINT:
+        return 1
+    if kind in LINES:
+        return LINES[kind]
+    if kind in PLANE:
+        return PLANE[kind][1]
+    if kind in SOLID:
+        raise ConfigurationError("has three-dimensional elements; mesh the plane section alone")
+    raise ConfigurationError(
+        f"has elements of third or higher order (Gmsh's type {kind}), which are not read; mesh "
+        "with Mesh.ElementOrder = 1 or 2"
+    )
+
+
+def _contents(found: _Found) -> MeshContents:
+    for section, part in (("Nodes", found.nodes), ("Elements", found.elements or None)):
+        if part is None:
+            raise ConfigurationError(f"has no section ${section}; {DAMAGED}")
+    assert found.nodes is not None and found.tags is not None
+    places = _Places(found.tags)
+    blocks: list[ElementBlock] = []
+    lines: dict[str, tuple[np.ndarray, ...]] = {}
+    unnamed: set[int] = set()
+    for kind, tags, groups in found.elements:
+        nodes = places.of(tags)
+        if kind in PLANE:
+            blocks.append(ElementBlock(PLANE[kind][0], nodes))
+        elif kind in LINES:
+            for group in groups:
+                name = found.names.get((1, group))
+                if name is None:
+                    unnamed.add(group)
+                    continue
+                lines[name] = (*lines.get(name, ()), nodes)
+    notes: tuple[str, ...] = ()
+    if unnamed:
+        listed = ", ".join(map(str, sorted(unnamed)[:8]))
+        notes = (f"physical curves without a name are left out ({listed}); name them in Gmsh",)
+    return MeshContents(found.nodes, tuple(blocks), lines, notes=notes)
+
+
+class _Places:
+    """From node tags, which may be sparse and in any order, to places in the array of nodes."""
+
+    def __init__(self, tags: np.ndarray) -> None:
+        self.order = np.argsort(tags, kind="stable")
+        self.sorted = tags[self.order]
+
+    def of(self, tags: np.ndarray) -> np.ndarray:
+        """Places of tags; raises ConfigurationError for one that no node has."""
+        at = np.searchsorted(self.sorted, tags)
+        known = at < len(self.sorted)
+        known[known] = self.sorted[at[known]] == tags[known]
+        if not known.all():
+            raise ConfigurationError(
+                f"has an element at node {tags[~known][0]}, which is not in the file; {DAMAGED}"
+            )
+        return np.asarray(self.order[at])

@@ -1,9 +1,0 @@
-"""Meshes from files of mesh generators, as plane elements with named edges.
-
-Everything here runs without torch and scikit-fem, in the process that reads files from outside.
-"""
-
-from granbench.mesh_files.cells import PlaneCells
-from granbench.mesh_files.reading import FORMATS, read_plane_cells
-
-__all__ = ["FORMATS", "PlaneCells", "read_plane_cells"]

@@ -1,0 +1,1 @@
+"""Tables that a user brings: text and workbooks, read in one way."""
