@@ -8,6 +8,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
 from granbench.errors import RegistryError
+from granbench.files.validation import first_fault
 
 REGISTRY_FOLDER = Path(__file__).parent / "registry"
 
@@ -90,11 +91,7 @@ def checked_entry(fields: Any, source: str) -> RegistryEntry:
     try:
         return RegistryEntry.model_validate(fields)
     except ValidationError as error:
-        first = error.errors()[0]
-        field = ".".join(map(str, first["loc"])) or "the whole entry"
-        raise RegistryError(
-            f"{source}: {field}: {first['msg']}; correct the registry entry"
-        ) from error
+        raise RegistryError(f"{source}: {first_fault(error)}; fix the registry entry") from error
 
 
 def _read(path: Path) -> RegistryEntry:
@@ -102,7 +99,7 @@ def _read(path: Path) -> RegistryEntry:
         fields = yaml.safe_load(path.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         reason = " ".join(str(error).split())
-        raise RegistryError(f"{path}: is not YAML ({reason}); correct the entry") from error
+        raise RegistryError(f"{path}: is not YAML ({reason}); fix the entry") from error
     return checked_entry(fields, str(path))
 
 

@@ -2,8 +2,8 @@
 
 A file has one row for each step and one column for each component of one order: ``eps_xx`` is the
 cumulative strain xx, and ``sig_xx`` in its place the stress. A file whose only column is
-``eps_axial`` (``eps_shear``) is the history of the driving strain of a standard test. Compression is
-positive, strain has no unit (0.01 is one per cent) and stress is in Pa, unless a header states
+``eps_axial`` (``eps_shear``) is the driving strain of a standard test. Compression is positive,
+strain has no unit (0.01 is one per cent) and stress is in Pa, unless a header states
 another unit as in ``sig_xx [kPa]``. `granbench.tables.table_files` describes the tables.
 """
 
