@@ -2,7 +2,8 @@
 # that is done with this checkout.
 # Variables: PYTHON (3.11 or newer), VENV (where it is installed), OUT (where the demo writes),
 # CORE (where `make core` works). OUT and CORE may hold any character but a line break.
-# FUZZ_SECONDS and FUZZ_SEED say how long files are changed at random, and from which seed.
+# FUZZ_SECONDS and FUZZ_SEED say how long files are changed at random, and from which seed;
+# PROPERTY_SECONDS how long the property tests are repeated with fresh examples.
 
 PYTHON ?= python3
 VENV ?= .venv
@@ -56,11 +57,17 @@ test: setup browser
 slow: setup browser
 	$(BIN)/python -m pytest -m slow
 
-# Files of every kind that is read, changed at random; a minute of it stands in `make test`.
+# Files of every kind that is read, changed at random (`make test` does a minute of it), then the
+# property tests with fresh examples instead of the fixed ones, until PROPERTY_SECONDS have passed.
 FUZZ_SECONDS ?= 3600
 FUZZ_SEED ?= 0
+PROPERTY_SECONDS ?= 600
 fuzz: setup
 	$(BIN)/python tests/fuzz/run.py --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED)
+	@end=$$((SECONDS + $(PROPERTY_SECONDS))); while :; do \
+	    $(BIN)/python -m pytest --numprocesses 2 -m 'hypothesis and not slow' \
+	        --hypothesis-profile fresh; \
+	    [ "$$SECONDS" -lt "$$end" ] || break; done
 
 bench: setup
 	@for script in benchmarks/*.py; do $(BIN)/python $$script; done

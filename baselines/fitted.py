@@ -115,16 +115,15 @@ class FittedBaseline:
             )
             for split in ("train", "validation")
         )
+        effort = recipe.effort.limited(request.epochs)
         search = FitSettings(
-            starts=recipe.starts + 1, spread=recipe.spread, seed=request.seed, effort=recipe.effort
+            starts=recipe.starts + 1, spread=recipe.spread, seed=request.seed, effort=effort
         )
         # Without the first start, the published set, with which some of the datasets were made.
         vectors = possible_starts(training, search)[1:]
-        progress = _Reporter(request, recipe.effort, training.tests, began)
-        vectors = adam(training, vectors, recipe.effort, progress)
-        minimum = levenberg_marquardt(
-            training, vectors, recipe.effort, progress, stop=progress.over
-        )
+        progress = _Reporter(request, effort, training.tests, began)
+        vectors = adam(training, vectors, effort, progress)
+        minimum = levenberg_marquardt(training, vectors, effort, progress, stop=progress.over)
         losses = (validation.residuals(minimum.vectors) ** 2).sum(dim=1) / validation.tests
         best = int(losses.argmin())
         values = {name: float(value) for name, value in space.values(minimum.vectors[best]).items()}
@@ -133,11 +132,11 @@ class FittedBaseline:
                 "paths": recipe.paths,
                 "starts": len(vectors),
                 "spread": recipe.spread,
-                "adam_iterations": recipe.effort.adam_iterations,
-                "iterations": recipe.effort.iterations,
+                "adam_iterations": effort.adam_iterations,
+                "iterations": effort.iterations,
             },
             "epochs": progress.iteration,
-            "best_epoch": recipe.effort.adam_iterations + int(minimum.iterations[best]),
+            "best_epoch": effort.adam_iterations + int(minimum.iterations[best]),
             "best_validation_loss": float(losses[best]),
             "validation_losses": [float(loss) for loss in losses],
             "seconds": round(time.monotonic() - began, 3),

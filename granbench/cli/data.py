@@ -17,7 +17,7 @@ from granbench.cli.printing import print_json, say, show
 from granbench.cli.termination import stopped_by_sigterm
 
 if TYPE_CHECKING:
-    from granbench.data.download import Progress as OnProgress
+    from granbench.data.download import OnBytes
     from granbench.data.registry import RegistryEntry
 
 app = typer.Typer(
@@ -30,7 +30,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but er
 
 
 @contextmanager
-def _download_bar(quiet: bool = False) -> Iterator["OnProgress"]:
+def _download_bar(quiet: bool = False) -> Iterator["OnBytes"]:
     """A bar on the terminal's stderr that appears with the first bytes."""
     console = Console(stderr=True)
     columns = (TextColumn("fetching"), BarColumn(), DownloadColumn(), TransferSpeedColumn())

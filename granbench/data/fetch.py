@@ -12,7 +12,7 @@ from typing import NoReturn
 
 import pooch
 
-from granbench.data.download import MirrorFailure, Progress, download, plain
+from granbench.data.download import MirrorFailure, OnBytes, download, plain
 from granbench.data.partial_file import discard, open_partial
 from granbench.data.registry import RegistryEntry
 from granbench.errors import DownloadError
@@ -88,7 +88,7 @@ def is_whole(path: Path, entry: RegistryEntry) -> bool:
 def fetch(
     entry: RegistryEntry,
     folder: Path,
-    progress: Progress | None = None,
+    progress: OnBytes | None = None,
     also_in: Iterable[Path] = (),
 ) -> Path:
     """Bring a dataset's file into a folder, unless it is there already.
@@ -128,7 +128,7 @@ def fetch(
 
 
 def _fetch_from_any(
-    mirrors: list[str], entry: RegistryEntry, target: Path, progress: Progress | None
+    mirrors: list[str], entry: RegistryEntry, target: Path, progress: OnBytes | None
 ) -> None:
     partial = target.with_name(target.name + ".part")
     failures = []
@@ -187,7 +187,7 @@ def _local_failure(path: Path, error: OSError) -> NoReturn:
     ) from error
 
 
-def _copy(source: Path, entry: RegistryEntry, partial: Path, progress: Progress | None) -> None:
+def _copy(source: Path, entry: RegistryEntry, partial: Path, progress: OnBytes | None) -> None:
     # Checked before it is copied: a wrong file in the checkout costs no disk space.
     try:
         reason = why_not(source, entry)

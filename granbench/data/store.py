@@ -9,7 +9,7 @@ from pathlib import Path
 import pooch
 import xarray as xr
 
-from granbench.data.download import Progress
+from granbench.data.download import OnBytes
 from granbench.data.fetch import (
     MIRROR_VARIABLE,
     NoMirrorError,
@@ -111,7 +111,7 @@ def registered_file(path: Path) -> RegistryEntry | None:
     return next(candidates, None)
 
 
-def dataset_file(name: str, progress: Progress | None = None, *, minutes: bool = False) -> Path:
+def dataset_file(name: str, progress: OnBytes | None = None, *, minutes: bool = False) -> Path:
     """The checked file of a registered dataset, fetched or made when it is not on this machine.
 
     Parameters
@@ -140,7 +140,7 @@ def dataset_file(name: str, progress: Progress | None = None, *, minutes: bool =
 
 
 def bring(
-    name: str, folder: Path, progress: Progress | None = None, *, minutes: bool = False
+    name: str, folder: Path, progress: OnBytes | None = None, *, minutes: bool = False
 ) -> Path:
     """A registered dataset's file in a folder of the user's choice.
 
@@ -189,7 +189,7 @@ def default_dataset() -> str:
     return next((name for name in DEFAULTS if name in present), DEFAULTS[0])
 
 
-def load(name: str, split: str | None = None, progress: Progress | None = None) -> xr.Dataset:
+def load(name: str, split: str | None = None, progress: OnBytes | None = None) -> xr.Dataset:
     """A registered dataset, opened lazily.
 
     Parameters
@@ -213,7 +213,7 @@ def load(name: str, split: str | None = None, progress: Progress | None = None) 
     return ds if split is None else select_split(ds, split)
 
 
-def file_of(name_or_file: str, progress: Progress | None = None) -> Path:
+def file_of(name_or_file: str, progress: OnBytes | None = None) -> Path:
     """A file by its path, or a registered dataset's by its name.
 
     Raises

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
+from granbench.data.download import OnBytes
 from granbench.data.registry import RegistryEntry, entries
 from granbench.data.splits import split_hash
-from granbench.data.store import Progress, file_of, registered_file
+from granbench.data.store import file_of, registered_file
 from granbench.errors import DatasetError
 from granbench.files.bounded_reading import read_bounded
 from granbench.records import (
@@ -38,7 +39,7 @@ class Identity:
     attributes_sha256: str
 
 
-def task_file(name_or_file: str, progress: Progress | None = None) -> Path:
+def task_file(name_or_file: str, progress: OnBytes | None = None) -> Path:
     """The checked file of a task: what a model is trained or scored on is what it says it is.
 
     Parameters

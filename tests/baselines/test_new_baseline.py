@@ -1,4 +1,4 @@
-"""A baseline from outside of the package: one file, found by its entry point, scored like any other.
+"""A baseline from outside of the package: one file, found by its entry point, scored like others.
 
 The file below is the recipe: a configuration, a network, and the settings it is trained with. The
 package that brings it declares, in its `pyproject.toml`,
