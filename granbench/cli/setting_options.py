@@ -6,8 +6,10 @@ from granbench.errors import Setting
 
 OPTIONS: Mapping[str, str] = {
     "columns": "--column",
+    "folder": "--dest",
     "initial_void_ratio": "--e0",
     "left_out": "--leave-out",
+    "minutes": "`granbench data fetch --make`",
     "units": "--unit",
     "weights": "--weight",
 }
