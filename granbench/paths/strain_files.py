@@ -31,7 +31,7 @@ from granbench.tensors import COMPONENT_ORDERS, normal_mask
 from granbench.units.known_units import (
     is_stress_unit,
     known_units,
-    split_strange_unit,
+    split_unknown_unit,
     text_behind_unit,
     unit_factor,
 )
@@ -195,14 +195,14 @@ def _plain_name(column: Column) -> str:
     """
     if text_behind_unit(column.header):
         return column.header
-    name, _ = split_strange_unit(column.name) or (column.name, None)
+    name, _ = split_unknown_unit(column.name) or (column.name, None)
     return name.lower() if name.lower() in KNOWN_COLUMNS else column.name
 
 
 def _in_si(table: Table, column: Column, name: str) -> Floats:
     """The numbers of a column, (row,), strain as a ratio and stress in Pa."""
     stress = name.startswith(STRESS)
-    _, strange = split_strange_unit(column.name) or ("", None)
+    _, strange = split_unknown_unit(column.name) or ("", None)
     unit = column.unit or strange
     factor = 1.0 if unit is None else unit_factor(unit)
     if unit is not None and (factor is None or is_stress_unit(unit) != stress):
