@@ -29,8 +29,8 @@ from granbench.models import ClassicalCell
 
 HELD_TOLERANCE = 3e-4
 """Relative tolerance of held stresses: finer than the control of any cell pressure, and coarser
-than the error of models with error control, below which their stress is not a smooth function of the
-strain."""
+than the error of models with error control, below which their stress is not a smooth function of
+the strain."""
 
 PATIENCE = Patience(iterations=10, halvings=3, smallest_share=0.25, refusals=2)
 """Reduced effort: with many parameters of a search the model cannot follow a test, and proving that
