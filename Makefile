@@ -83,11 +83,12 @@ revalidate-changed: setup
 
 docs: setup
 	@for file in datasets/*.nc; do $(BIN)/python -m granbench.data.card "$$file" --out docs/datasets; done
-	@$(BIN)/python docs/readme_scores.py
+	@$(BIN)/python docs/scores_page.py
 	@$(BIN)/python docs/random_paths_page.py
 	@$(BIN)/python docs/model_pages.py
 	@$(BIN)/python docs/scoring_page.py
 	@$(BIN)/python docs/fem_page.py
+	@$(BIN)/python docs/first_page_picture.py
 	@$(BIN)/python docs/docs_index.py
 
 # Both wheels into dist: the package, and its reference datasets as `granbench-data`. Each is built

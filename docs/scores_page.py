@@ -1,7 +1,7 @@
-"""Write the tables of scores into README.md, between its markers, from the accepted submissions.
+"""Write the tables of scores into docs/scores.md from the accepted submissions.
 
-``python docs/readme_scores.py`` from the root of the checkout; `make docs` does it. A test checks
-that the tables in README.md are those that this makes.
+``python docs/scores_page.py`` from the root of the checkout; `make docs` does it. A test checks
+that the tables in docs/scores.md are those that this makes.
 """
 
 import math
@@ -18,7 +18,7 @@ from granbench.leaderboard.reference import replicate_scatters
 from granbench.leaderboard.submission import Submission
 from granbench.leaderboard.tables import RANKED_PROTOCOL, main_table, number, share
 
-README = Path(__file__).parents[1] / "README.md"
+PAGE = Path(__file__).with_name("scores.md")
 TASK, SPLIT, METRIC = "dem-triaxial", "test", "stress_mse_mean"
 LEAST = 1e-300
 """Stands for zero in a mean of logarithms."""
@@ -118,9 +118,9 @@ def _shown(score: Score | None) -> str:
     return str(number(score.value))
 
 
-def readme() -> str:
-    """README.md as it should read: the scores on the newest version of each dataset."""
-    page = README.read_text(encoding="utf-8")
+def scores_page() -> str:
+    """docs/scores.md as it should read: the scores on the newest version of each dataset."""
+    page = PAGE.read_text(encoding="utf-8")
     if rows := newest(TASK):
         scatters = replicate_scatters(row.dataset for row in rows)
         scatter = scatters.get((TASK, rows[0].dataset.version))
@@ -141,4 +141,4 @@ def newest(task: str) -> list[Submission]:
 
 
 if __name__ == "__main__":
-    README.write_text(readme(), encoding="utf-8")
+    PAGE.write_text(scores_page(), encoding="utf-8")
