@@ -78,11 +78,13 @@ def test_every_folder_of_modules_is_a_package() -> None:
     assert all((folder / "__init__.py").is_file() for folder in folders)
 
 
+@pytest.mark.wheel
 def test_wheel_holds_every_module(wheel: zipfile.ZipFile) -> None:
     inside = {name for name in wheel.namelist() if name.endswith(".py")}
     assert inside == set(modules())
 
 
+@pytest.mark.wheel
 def test_wheel_holds_what_the_package_reads(wheel: zipfile.ZipFile) -> None:
     inside = set(wheel.namelist())
     expected = {"granbench/py.typed", "granbench/leaderboard/submission.schema.json"}
@@ -98,12 +100,14 @@ def test_wheel_holds_what_the_package_reads(wheel: zipfile.ZipFile) -> None:
     assert expected <= inside
 
 
+@pytest.mark.wheel
 def test_wheel_leaves_large_data_and_submissions_out(wheel: zipfile.ZipFile) -> None:
     data = [entry for entry in wheel.infolist() if entry.filename.endswith((".nc", ".safetensors"))]
     assert all(entry.filename.startswith("granbench/data/mini/") for entry in data)
     assert all(entry.file_size < 1_000_000 for entry in data)
 
 
+@pytest.mark.wheel
 def test_the_data_wheel_holds_every_reference_dataset(tmp_path: Path) -> None:
     copy = tmp_path / "data"
     shutil.copytree(ROOT / "datasets", copy, ignore=shutil.ignore_patterns("__pycache__", "*.nc"))

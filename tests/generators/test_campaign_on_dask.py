@@ -28,7 +28,7 @@ from granbench.errors import ConfigurationError, EngineError
 from granbench.generators import workers
 from granbench.generators.campaign import Job
 
-pytestmark = pytest.mark.usefixtures("toy_jobs")
+pytestmark = [pytest.mark.usefixtures("toy_jobs"), pytest.mark.cluster]
 
 
 class Cluster:
