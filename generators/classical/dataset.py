@@ -17,7 +17,7 @@ from granbench.generators.classical.design import (
     split_seed,
 )
 from granbench.generators.classical.jobs import PARAMETERS_FILE, RECORD_FILE
-from granbench.generators.classical.recorded import ROUNDING, rounding_attributes
+from granbench.generators.rounding import ROUNDING, rounding_attributes
 from granbench.models.ground_truth import described
 from granbench.tensors import COMPONENT_ORDERS
 

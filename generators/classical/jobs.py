@@ -21,15 +21,15 @@ from granbench.generators.classical.design import (
     SplitPlan,
     split_seed,
 )
-from granbench.generators.classical.recorded import recorded
 from granbench.generators.classical.response import isotropic_start, response
+from granbench.generators.rounding import recorded
 from granbench.models.classical import ClassicalCell
 from granbench.models.ground_truth import recording_cell
 from granbench.paths.drawn import DrawnPaths, on_strain_grid
 
 RECORD_FILE = "record.npz"
 PARAMETERS_FILE = "parameters.npz"
-PHYSICAL_FAILURES = (ModelError,)
+PERMANENT_FAILURES = (ModelError,)
 
 
 def campaign_job(

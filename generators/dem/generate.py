@@ -4,7 +4,8 @@ from pathlib import Path
 from typing import Any
 
 from granbench.errors import EngineError
-from granbench.generators.campaign import CampaignReport, Progress, run_campaign
+from granbench.generators.campaign import CampaignReport, run_campaign
+from granbench.generators.campaign.progress import ProgressMode
 from granbench.generators.dem.dataset import DATASET, assemble
 from granbench.generators.dem.design import planned_tests, preset
 from granbench.generators.dem.engine import engine_version
@@ -20,7 +21,7 @@ def generate(
     seed: int = 0,
     workers: int = 1,
     scheduler: str | None = None,
-    progress: Progress = "bar",
+    progress: ProgressMode = "bar",
     retry_failed: bool = False,
 ) -> tuple[Path, CampaignReport]:
     """Run, or continue, a campaign and write its dataset.
@@ -56,7 +57,7 @@ def generate(
         progress=progress,
         retry_failed=retry_failed,
     )
-    report.require_every_result(DATASET, physical_failures=True)
+    report.require_every_result(DATASET, except_permanent=True)
     results = {plan.name: report.done[plan.name] for plan in plans if plan.name in report.done}
     if not results:
         first = next(iter(report.failed.values()), "no job ran")

@@ -30,7 +30,7 @@ PROGRAMMES = {
 }
 LOG_FILE = "liggghts.log"
 PREPARATION_LOG_FILE = "preparation.log"
-PHYSICAL_FAILURES = (SimulationFailure,)
+PERMANENT_FAILURES = (SimulationFailure,)
 MACHINE_FAILURE = re.compile(r"\b(open|read|write|file|allocate|memory|MPI)\b", re.IGNORECASE)
 """Words of LIGGGHTS' errors that are about the machine that it runs on."""
 

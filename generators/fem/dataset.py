@@ -9,10 +9,9 @@ import numpy as np
 import xarray as xr
 
 from granbench import __version__
-from granbench.benchmark.axes.embedded.posed import posed, stiffest_at
+from granbench.fem.build import build_problem
 from granbench.fem.statement import EMBEDDED_ANALYSES, stated
 from granbench.generators.classical.dataset import CONVENTIONS
-from granbench.generators.classical.recorded import KEEP_BITS, rounding_attributes
 from granbench.generators.fem.design import (
     THESIS_SECTION,
     AnalysisPlan,
@@ -21,7 +20,9 @@ from granbench.generators.fem.design import (
     embedded_of,
 )
 from granbench.generators.fem.jobs import POSITION, RECORD_FILE
+from granbench.generators.rounding import KEEP_BITS, rounding_attributes
 from granbench.models.ground_truth import described
+from granbench.models.isotropic_start import stiffest_normal_modulus
 from granbench.paths.drawn import STRAIN_GRID
 from granbench.tensors import COMPONENT_ORDERS
 
@@ -108,12 +109,16 @@ def _attributes(
 ) -> dict[str, Any]:
     cell = truth.cell()
     ground_truth = described(cell)
-    modulus = {plan.name: stiffest_at(cell, plan.confinement) for plan in plans if plan.embedded}
+    modulus = {
+        plan.name: stiffest_normal_modulus(cell, plan.confinement)
+        for plan in plans
+        if plan.embedded
+    }
     configuration = {
         "ground_truth": ground_truth,
         "preset": preset.model_dump(mode="json"),
         "analyses": [plan.model_dump(mode="json") for plan in plans],
-        "explicit": {plan.problem: vars(posed(plan).explicit()) for plan in plans},
+        "explicit": {plan.problem: vars(build_problem(plan).explicit()) for plan in plans},
         "seed": seed,
     }
     command = f"granbench generate {truth.dataset} --preset {preset.name}"

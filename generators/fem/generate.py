@@ -3,7 +3,8 @@
 from functools import partial
 from pathlib import Path
 
-from granbench.generators.campaign import CampaignReport, Progress, run_campaign
+from granbench.generators.campaign import CampaignReport, run_campaign
+from granbench.generators.campaign.progress import ProgressMode
 from granbench.generators.fem.dataset import assemble
 from granbench.generators.fem.design import GROUND_TRUTHS, planned_analyses, preset
 from granbench.generators.fem.jobs import campaign_job
@@ -18,7 +19,7 @@ def generate(
     seed: int = 0,
     workers: int = 1,
     scheduler: str | None = None,
-    progress: Progress = "bar",
+    progress: ProgressMode = "bar",
     retry_failed: bool = False,
 ) -> tuple[Path, CampaignReport]:
     """Run, or continue, a campaign and write its dataset.

@@ -10,18 +10,18 @@ import torch
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from granbench.benchmark.axes.embedded.posed import posed
 from granbench.errors import AnalysisError
 from granbench.fem import run
+from granbench.fem.build import build_problem
 from granbench.fem.problems.biaxial import HEIGHT, Biaxial
 from granbench.fem.statement import spread_points
 from granbench.generators.campaign import Job
-from granbench.generators.classical.recorded import recorded
 from granbench.generators.fem.design import AnalysisPlan, FemPreset, GroundTruth
+from granbench.generators.rounding import recorded
 from granbench.models.ground_truth import recording_cell
 
 RECORD_FILE = "record.npz"
-PHYSICAL_FAILURES = (AnalysisError,)
+PERMANENT_FAILURES = (AnalysisError,)
 POSITION = ("position_x", "position_y")
 
 
@@ -59,7 +59,7 @@ def run_analysis(
     """
     plan = AnalysisPlan.model_validate(configuration["plan"])
     cell = recording_cell(configuration["model"], configuration["parameters"])
-    problem = posed(plan)
+    problem = build_problem(plan)
     # All paths of a dataset have the same number of steps, wherever a loading turns.
     settings = replace(problem.explicit(), outputs=configuration["steps"], turning_points=False)
     # Threads that wait for each other cost more than they do, at some hundred points.

@@ -9,17 +9,18 @@ import torch
 import xarray as xr
 from gp_records import principal_stress, series
 
-from granbench.benchmark.axes.embedded.posed import posed, stiffest_at
 from granbench.benchmark.axes.embedded.predict import embedded_truth
 from granbench.data import entry, load, split_hash
 from granbench.data.adapters import conditions_of
 from granbench.data.fetch import checkout_datasets
 from granbench.data.normalisation import Normalisation
 from granbench.data.splits import leak_report, select_split
+from granbench.fem.build import build_problem
 from granbench.fem.statement import embedded_analyses
 from granbench.generators.catalogue import generator
 from granbench.generators.fem.design import GROUND_TRUTHS, PRESETS, planned_analyses
 from granbench.models.ground_truth import ground_truth_cell
+from granbench.models.isotropic_start import stiffest_normal_modulus
 from granbench.paths.drawn import STRAIN_GRID
 from granbench.records import open_records, verify
 from granbench.tensors import volumetric_strain
@@ -77,7 +78,7 @@ def test_a_smooth_specimen_bears_the_confinement_on_its_sides(name: str) -> None
     for plan in planned_analyses(GROUND_TRUTHS[name], CORE, 0):
         if plan.choices.get("ends") != "smooth":
             continue
-        problem, paths = posed(plan), of_analysis(records, plan.name)
+        problem, paths = build_problem(plan), of_analysis(records, plan.name)
         x, pressure = problem.confinement.pressures()
         wanted = np.interp(np.linspace(0.0, 1.0, CORE.steps + 1), x, pressure)
         found = series(paths, "stress")[0, :, 0]
@@ -154,7 +155,9 @@ def test_the_embedded_analyses_are_those_of_the_records(name: str) -> None:
         recorded = json.loads(str(programmes[analysis.name]))
         stated = analysis.model_dump(mode="json")
         assert {key: stated[key] for key in recorded} == recorded
-        assert analysis.modulus == pytest.approx(stiffest_at(cell, analysis.confinement))
+        assert analysis.modulus == pytest.approx(
+            stiffest_normal_modulus(cell, analysis.confinement)
+        )
 
 
 @pytest.mark.slow

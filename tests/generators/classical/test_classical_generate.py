@@ -17,7 +17,7 @@ from granbench.errors import ConfigurationError, ModelError
 from granbench.generators.catalogue import generator
 from granbench.generators.classical import generate as generate_module
 from granbench.generators.classical.design import GROUND_TRUTHS, GroundTruth
-from granbench.generators.classical.recorded import KEEP_BITS, recorded
+from granbench.generators.rounding import KEEP_BITS, recorded
 from granbench.models import find_model
 from granbench.models.ground_truth import recording_cell
 from granbench.paths.drawn import STRAIN_GRID

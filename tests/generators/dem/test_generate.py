@@ -236,7 +236,7 @@ def test_what_fails_is_recorded_with_its_reason_and_is_not_in_the_data(own, monk
     for test in broken:
         shutil.rmtree(result_of(own, test))
     path, report = quietly(own)
-    assert set(report.failed) == set(broken) == report.physical
+    assert set(report.failed) == set(broken) == report.permanent
     for test, (_, reason) in broken.items():
         assert re.search(reason, report.failed[test])
     with open_records(path) as ds:

@@ -5,8 +5,8 @@ from collections import Counter
 
 import pytest
 
-from granbench.benchmark.axes.embedded.posed import posed
 from granbench.errors import DatasetError, RegistryError
+from granbench.fem.build import build_problem
 from granbench.fem.statement import EMBEDDED_ANALYSES, embedded_analyses, stated
 from granbench.generators.fem.design import (
     GROUND_TRUTHS,
@@ -66,10 +66,10 @@ def test_every_planned_problem_can_be_posed(dataset: str, name: str) -> None:
     listed = planned_analyses(truth, chosen, 0)
     assert len({plan.name for plan in listed}) == len(listed)
     for plan in listed:
-        problem = posed(plan)
+        problem = build_problem(plan)
         assert plan.mesh in problem.meshes
         assert problem.initial_pressure == plan.confinement
-        assert posed(AnalysisPlan.model_validate_json(plan.model_dump_json())) == problem
+        assert build_problem(AnalysisPlan.model_validate_json(plan.model_dump_json())) == problem
 
 
 def test_another_seed_draws_other_confinements() -> None:

@@ -9,17 +9,17 @@ import torch
 import xarray as xr
 from fem_records import fem_records
 
-from granbench.benchmark.axes.embedded.posed import posed
 from granbench.cells.contract import ModuleCell
 from granbench.data.adapters import conditions_of
 from granbench.data.splits import leak_report
 from granbench.errors import AnalysisError
+from granbench.fem.build import build_problem
 from granbench.generators.catalogue import generator
-from granbench.generators.classical.recorded import recorded
 from granbench.generators.fem import generate as generate_module
 from granbench.generators.fem import jobs as jobs_module
 from granbench.generators.fem.design import GROUND_TRUTHS, PRESETS, planned_analyses
 from granbench.generators.fem.jobs import campaign_job, different_points, run_analysis
+from granbench.generators.rounding import recorded
 from granbench.models.ground_truth import ground_truth_cell
 from granbench.records import open_records, validate_records, verify
 
@@ -61,7 +61,7 @@ def test_a_smooth_specimen_bears_the_confinement_on_its_sides(records) -> None:
         for plan in planned_analyses(GROUND_TRUTHS["fem-ime"], SMOKE, 0)
         if plan.name == "biaxial-smooth-monotonic-random-100kpa"
     )
-    x, pressure = posed(plan).confinement.pressures()
+    x, pressure = build_problem(plan).confinement.pressures()
     wanted = np.interp(np.linspace(0.0, 1.0, SMOKE.steps + 1), x, pressure)
     (path,) = analysis(records, plan.name)["stress"].values.astype(float)
     np.testing.assert_allclose(path[:, 0], wanted, rtol=0.12)
