@@ -42,7 +42,7 @@ from granbench.benchmark.statistics import CEILING
 from granbench.cells.candidate import find_candidate
 from granbench.cells.contract import Conditions, MaterialCell, ModuleCell, StateLayout
 from granbench.data.normalisation import Normalisation
-from granbench.generators.classical.design import GROUND_TRUTHS
+from granbench.generators.classical.design import DATASETS
 from granbench.models import find_model
 
 
@@ -70,13 +70,13 @@ def applicable(card: Scorecard) -> set[str]:
     return {name for name in CHECKS if values(card, "violation_worst")[name] is not None}
 
 
-QUICK = [name for name in GROUND_TRUTHS if name != "gp-csuh"]
+QUICK = [name for name in DATASETS if name != "gp-csuh"]
 
 
 @pytest.mark.parametrize("name", [*QUICK, pytest.param("gp-csuh", marks=pytest.mark.slow)])
 def test_classical_models_pass_every_check_on_their_own_task(name: str) -> None:
     records = plane_records(name)
-    model = find_model(GROUND_TRUTHS[name].model)()
+    model = find_model(DATASETS[name].model)()
     card = physics_card(model, records)
     passed = applicable(card)
     assert passed == set(CHECKS) - (set() if model.pressure_dependent else {"compression"})

@@ -19,7 +19,7 @@ from granbench.cells.candidate import find_candidate
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.data.adapters import conditions_of
 from granbench.data.normalisation import Normalisation
-from granbench.generators.classical.design import GROUND_TRUTHS
+from granbench.generators.classical.design import DATASETS
 from granbench.models import find_model
 
 
@@ -33,7 +33,7 @@ def values(card: Scorecard, metric: str = "stress_mse_mean") -> dict[str, float 
     return {name: card.find(name, "test", metric).value for name in PROTOCOLS}
 
 
-@pytest.mark.parametrize("name", GROUND_TRUTHS)
+@pytest.mark.parametrize("name", DATASETS)
 def test_oracle_scores_exactly_zero_on_every_axis(name: str) -> None:
     records = plane_records(name)
     result = card(find_candidate("oracle", records).cell, records)
@@ -45,7 +45,7 @@ def test_oracle_scores_exactly_zero_on_every_axis(name: str) -> None:
     assert all("reads its answers from the records" in item.reason for item in of_physics)
 
 
-@pytest.mark.parametrize("name", GROUND_TRUTHS)
+@pytest.mark.parametrize("name", DATASETS)
 def test_the_ground_truth_repeats_its_own_paths(name: str) -> None:
     """From the start and from any recorded state.
 
@@ -88,7 +88,7 @@ def test_the_oracle_cannot_say_what_would_have_been() -> None:
 
 
 @pytest.mark.parametrize("floor", ["persistence", "linear-elastic"])
-@pytest.mark.parametrize("name", GROUND_TRUTHS)
+@pytest.mark.parametrize("name", DATASETS)
 def test_floors_run_on_every_protocol(name: str, floor: str) -> None:
     records = plane_records(name)
     axes = {spec.axis for spec in PROTOCOLS.values()}

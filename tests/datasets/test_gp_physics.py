@@ -28,7 +28,7 @@ from granbench.benchmark.predictions import evaluated
 from granbench.cells.candidate import find_candidate
 from granbench.data.adapters import conditions_of
 from granbench.data.normalisation import Normalisation
-from granbench.generators.classical.recorded import recorded
+from granbench.generators.rounding import recorded
 from granbench.models.csuh.formulas import critical_ratio
 from granbench.paths.drawn import STRAIN_GRID
 from granbench.records import verify

@@ -15,12 +15,12 @@ import torch
 import xarray as xr
 
 from granbench.benchmark.axes.embedded.metered_cell import MeteredCell
-from granbench.benchmark.axes.embedded.posed import posed, start_of
 from granbench.cells.check import POINTS
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.errors import ConfigurationError, DatasetError
 from granbench.fem import ExplicitSettings, ImplicitSettings, run
 from granbench.fem.analysis import settings_for
+from granbench.fem.build import build_problem
 from granbench.fem.cell_failure import CellFailure
 from granbench.fem.statement import (
     NOT_IN_THE_PLANE,
@@ -32,6 +32,7 @@ from granbench.fem.statement import (
 )
 from granbench.models.classical import ClassicalCell
 from granbench.models.ground_truth import ground_truth_cell
+from granbench.models.isotropic_start import internals_at_start
 from granbench.tensors import COMPONENT_ORDERS
 
 ORDER = "plane"
@@ -78,7 +79,7 @@ def embedded_obstacle(dataset: xr.Dataset, cells: Iterable[MaterialCell]) -> str
 def analysis_start(cell: MaterialCell, dataset: xr.Dataset) -> Conditions:
     """What is known of a few Gauss points where the first analysis of a dataset begins."""
     pressure = embedded_analyses(dataset)[0].confinement
-    scalars = {"initial_mean_stress": pressure, **start_of(_truth(dataset), pressure)}
+    scalars = {"initial_mean_stress": pressure, **internals_at_start(_truth(dataset), pressure)}
     stress = torch.tensor([[pressure, pressure, 0.0]] * POINTS, dtype=cell.dtype)
     known = {
         name: torch.full((POINTS,), value, dtype=cell.dtype) for name, value in scalars.items()
@@ -159,7 +160,7 @@ def _analysed(
     cell: MaterialCell, analysis: EmbeddedAnalysis, solver: str, truth: ClassicalCell
 ) -> xr.Dataset:
     """What is kept of one analysis, see `embedded`."""
-    problem = posed(analysis)
+    problem = build_problem(analysis)
     settings = settings_for(problem, solver)
     if isinstance(settings, ExplicitSettings):
         # The stated number of outputs, so that all analyses of a dataset have one shape.
@@ -170,7 +171,7 @@ def _analysed(
         settings = replace(settings, steps=analysis.outputs, cuts=CUTS)
     limit = UPDATES * analysis.outputs if isinstance(settings, ImplicitSettings) else None
     metered = MeteredCell(cell, limit)
-    start = start_of(truth, analysis.confinement)
+    start = internals_at_start(truth, analysis.confinement)
     begin = time.process_time()
     # `predict` has checked the cell, which must not count as calls or time of the analysis.
     result = run(problem, metered, solver=settings, mesh=analysis.mesh, scalars=start, check=False)
@@ -213,8 +214,8 @@ def _without_outputs(analysis: EmbeddedAnalysis) -> xr.Dataset:
 
 def _warm_up(cell: MaterialCell, analysis: EmbeddedAnalysis, truth: ClassicalCell) -> None:
     """What libraries do once, before anything is timed."""
-    problem = replace(posed(analysis), end_strain=1e-6)
-    start = start_of(truth, analysis.confinement)
+    problem = replace(build_problem(analysis), end_strain=1e-6)
+    start = internals_at_start(truth, analysis.confinement)
     explicit = replace(problem.explicit(), outputs=1, modulus=analysis.modulus)
     for settings in (explicit, replace(problem.implicit(), steps=1, cuts=0)):
         run(

@@ -1,4 +1,4 @@
-"""Workers that run campaign jobs, each in a process of its own: here, or on a dask cluster."""
+"""Workers that run campaign jobs in separate processes, on this machine or on a dask cluster."""
 
 import asyncio
 import contextlib
@@ -12,30 +12,30 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from granbench.errors import ConfigurationError, EngineError
-from granbench.generators.attempt import Outcome, Request, run_attempt
-from granbench.generators.campaign_folder import close_run
+from granbench.generators.campaign.attempt import Outcome, Request, run_attempt
+from granbench.generators.campaign.folder import close_run
 
 STOP_TIME = 5.0
 CONNECT_TIME = 8.0
 
 
-class Handed(Protocol):
-    """A future, of `concurrent.futures` or of dask."""
+class Future(Protocol):
+    """A running attempt: a future of `concurrent.futures` or of dask."""
 
     def add_done_callback(self, fn: Any) -> Any:
         """Call `fn(future)` when the attempt has ended."""
 
     def result(self) -> Any:
-        """Return its outcome."""
+        """Return the outcome of the attempt."""
 
 
 class LocalWorkers:
-    """`count` workers on this machine; a thread of this process watches over each job's process.
+    """Workers on this machine; one thread of this process waits for each job's process.
 
     Parameters
     ----------
-    count : how many jobs run at a time
-    run : folder of the campaign's run
+    count : number of jobs that run at the same time
+    run : folder of the run
     """
 
     def __init__(self, count: int, run: Path) -> None:
@@ -43,13 +43,13 @@ class LocalWorkers:
         self._run = run
         self._threads = ThreadPoolExecutor(count, thread_name_prefix="campaign")
 
-    def submit(self, request: Request, priority: int) -> Handed:
+    def submit(self, request: Request, priority: int) -> Future:
         """Start an attempt."""
         return self._threads.submit(run_attempt, request)
 
-    def outcome(self, handed: Handed) -> Outcome:
+    def outcome(self, future: Future) -> Outcome:
         """Return how a finished attempt ended."""
-        return handed.result()
+        return future.result()
 
     def close(self) -> None:
         """Stop every attempt and wait until its processes are gone."""
@@ -63,23 +63,24 @@ class DaskWorkers:
     Parameters
     ----------
     address : of the scheduler, such as ``tcp://host:8786``
-    run : folder of the campaign's run
+    run : folder of the run
 
     Raises
     ------
-    ConfigurationError : dask is not installed, or no scheduler answers at the address
+    ConfigurationError
+        If dask is not installed, or no scheduler answers at the address.
     """
 
     capacity = sys.maxsize
 
     def __init__(self, address: str, run: Path) -> None:
-        # Asked first: a Client that cannot connect may hang, and complains when it is freed.
+        # Checked first, because a Client that cannot connect may hang and logs errors later.
         find_scheduler(address)
         import distributed
 
         self.address = address
         self._run = run
-        self._handed: dict[int, Any] = {}
+        self._futures: dict[int, Any] = {}
         with contextlib.ExitStack() as quiet:
             quiet.enter_context(_silence())
             self._client = distributed.Client(
@@ -87,8 +88,8 @@ class DaskWorkers:
             )
             self._quiet = quiet.pop_all()
 
-    def submit(self, request: Request, priority: int) -> Handed:
-        """Hand an attempt to the cluster; lower `priority` goes first."""
+    def submit(self, request: Request, priority: int) -> Future:
+        """Submit an attempt to the cluster; a lower `priority` runs first."""
         future = self._client.submit(
             run_attempt,
             request,
@@ -96,28 +97,30 @@ class DaskWorkers:
             priority=-priority,
             pure=False,
         )
-        self._handed[id(future)] = future
+        self._futures[id(future)] = future
         return future
 
-    def outcome(self, handed: Handed) -> Outcome:
+    def outcome(self, future: Future) -> Outcome:
         """Return how a finished attempt ended.
 
         Raises
         ------
-        EngineError : the scheduler was lost
-        ConfigurationError : the workers have no usable granbench
+        EngineError
+            If the connection to the scheduler was lost.
+        ConfigurationError
+            If the workers have no usable granbench.
         """
         from distributed import KilledWorker
 
-        self._handed.pop(id(handed), None)
+        self._futures.pop(id(future), None)
         try:
-            return handed.result()
+            return future.result()
         except KilledWorker:
-            return Outcome("killed", "every dask worker that took it died")
+            return Outcome("killed", "every dask worker that ran it died")
         except (CancelledError, asyncio.CancelledError, OSError) as error:
             raise EngineError(
-                f"the dask scheduler at {self.address} was lost; start it again and run the same "
-                "command to continue"
+                f"the connection to the dask scheduler at {self.address} was lost; start it again "
+                "and run the same campaign to continue"
             ) from error
         except Exception as error:
             raise ConfigurationError(
@@ -126,20 +129,20 @@ class DaskWorkers:
             ) from error
 
     def close(self) -> None:
-        """Stop every attempt, give the workers a moment to end its processes, and disconnect."""
+        """Stop every attempt, wait shortly for its processes to end, and disconnect."""
         import distributed
 
         close_run(self._run)
-        if self._client.status == "running" and self._handed:
+        if self._client.status == "running" and self._futures:
             with contextlib.suppress(Exception):
-                distributed.wait(list(self._handed.values()), timeout=STOP_TIME)
+                distributed.wait(list(self._futures.values()), timeout=STOP_TIME)
         with contextlib.suppress(Exception):
             self._client.close(timeout=STOP_TIME)
         self._quiet.close()
 
 
 def find_scheduler(address: str) -> None:
-    """Make sure that a dask scheduler answers.
+    """Check that a dask scheduler answers.
 
     Parameters
     ----------
@@ -147,17 +150,18 @@ def find_scheduler(address: str) -> None:
 
     Raises
     ------
-    ConfigurationError : dask is not installed, or no scheduler answers at the address
+    ConfigurationError
+        If dask is not installed, or no scheduler answers at the address.
     """
     try:
         import distributed  # noqa: F401
     except ImportError as missing:
         raise ConfigurationError(
-            "--scheduler needs dask.distributed: pip install 'granbench[generate]'"
+            "a scheduler needs dask.distributed: pip install 'granbench[generate]'"
         ) from missing
-    # In a thread of its own: the caller's may have an event loop already.
-    with _silence(), ThreadPoolExecutor(1) as asking:
-        asking.submit(asyncio.run, _ask_scheduler(address)).result()
+    # In a new thread, because the caller's may have an event loop already.
+    with _silence(), ThreadPoolExecutor(1) as thread:
+        thread.submit(asyncio.run, _ask_scheduler(address)).result()
 
 
 async def _ask_scheduler(address: str) -> None:
@@ -173,11 +177,11 @@ async def _ask_scheduler(address: str) -> None:
     except (OSError, ValueError, RuntimeError, ImportError, TimeoutError) as error:
         reason = type(error).__name__ if isinstance(error, TimeoutError) else str(error)
     else:
-        reason = f"a {identity.get('type', 'stranger')} does"
+        reason = f"found there: {identity.get('type', 'another service')}"
     if identity.get("type") != "Scheduler":
         raise ConfigurationError(
             f"no dask scheduler answers at {address} ({reason}); start one with `dask scheduler` "
-            "and workers with `dask worker ADDRESS`, then give that address to --scheduler"
+            "and workers with `dask worker ADDRESS`, and give that address as scheduler"
         )
 
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from granbench.errors import ConfigurationError
-from granbench.generators.schedule import Job, Schedule, digests
+from granbench.generators.campaign.schedule import Job, Schedule, digests
 
 
 def job(key: str, *needs: str, seed: int = 0, **configuration: object) -> Job:

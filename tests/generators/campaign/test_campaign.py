@@ -23,8 +23,9 @@ from campaign_support import (
 )
 from toy_jobs import walk_of
 
-from granbench.errors import ConfigurationError, EngineError
+from granbench.errors import ConfigurationError
 from granbench.generators.campaign import Job, run_campaign
+from granbench.generators.campaign.report import MissingResults
 
 pytestmark = pytest.mark.usefixtures("toy_jobs")
 
@@ -95,7 +96,7 @@ def test_a_failure_is_recorded_with_its_reason_stops_its_users_and_never_gives_d
     }
     report = quiet(jobs, tmp_path / "campaign", workers=2)
     assert report.failed == reasons
-    assert report.physical == set(reasons) - {"silent"}
+    assert report.permanent == set(reasons) - {"silent"}
     assert set(report.done) == {"good"}
     assert {file.stem for file in (tmp_path / "campaign/failed").iterdir()} == set(reasons)
     assert {file.name for file in (tmp_path / "campaign/results").iterdir()} == {"good"}
@@ -104,7 +105,7 @@ def test_a_failure_is_recorded_with_its_reason_stops_its_users_and_never_gives_d
     repair.touch()
     again = quiet(jobs, tmp_path / "campaign")
     assert again.failed == reasons  # what explains itself would fail again, and is left alone
-    assert again.physical == report.physical
+    assert again.permanent == report.permanent
     log = (tmp_path / "campaign/campaign.log").read_text()
     assert log.count("failed bad ") == 1 and log.count("failed silent ") == 2
     retried = quiet(jobs, tmp_path / "campaign", retry_failed=True)
@@ -129,9 +130,9 @@ def test_a_job_that_is_ended_every_time_is_given_up_but_tried_by_the_next_comman
     settings = {"count": str(tmp_path / "count"), "times": 3, "signal": name}
     job = Job("killed", "toy_jobs:killed_at_first", settings, 0)
     report = quiet([job], tmp_path / "campaign")
-    assert list(report.failed) == ["killed"] and not report.physical
-    with pytest.raises(EngineError, match=r"killed .*, 3 times.*run the same command again"):
-        report.require_every_result("toy", physical_failures=True)
+    assert list(report.failed) == ["killed"] and not report.permanent
+    with pytest.raises(MissingResults, match="killed"):
+        report.require_every_result("toy", except_permanent=True)
     assert quiet([job], tmp_path / "campaign").failed == {}
 
 
@@ -150,21 +151,22 @@ def test_an_error_of_the_machine_is_tried_again_in_the_same_run(tmp_path, error)
     assert report.failed == {}
 
 
-def test_an_exception_that_is_not_physical_is_tried_again_by_the_next_command(tmp_path):
+def test_an_exception_that_is_not_permanent_is_tried_again_by_the_next_command(tmp_path):
     settings = {"count": str(tmp_path / "count"), "times": 1, "error": "KeyError"}
     job = Job("odd", "toy_jobs:raises_at_first", settings, 0)
     report = quiet([job], tmp_path / "campaign")
-    assert report.failed and not report.physical
+    assert report.failed and not report.permanent
     assert quiet([job], tmp_path / "campaign").failed == {}
 
 
-def test_only_a_design_that_allows_physical_failures_goes_on_without_their_results(tmp_path):
+def test_only_a_design_that_allows_permanent_failures_goes_on_without_their_results(tmp_path):
     bad = Job("bad", "toy_jobs:rejected", {"repair": str(tmp_path / "no")}, 0)
     user = Job("user", "toy_jobs:rejected", {"repair": __file__}, 0, ("bad",))
     report = quiet([bad, user], tmp_path)
-    report.require_every_result("toy", physical_failures=True)
-    with pytest.raises(EngineError, match=r"2 of 2 jobs.*bad \(grains were lost.*--retry-failed"):
+    report.require_every_result("toy", except_permanent=True)
+    with pytest.raises(MissingResults, match="bad") as caught:
         report.require_every_result("toy")
+    assert caught.value.permanent
 
 
 def test_killed_command_takes_its_jobs_along_and_resumes_without_loss(
@@ -221,34 +223,34 @@ def test_killed_worker_process_loses_nothing(tmp_path, shared, undisturbed):
 def test_a_folder_in_use_is_refused(tmp_path, shared):
     with campaign_command(shared, tmp_path / "campaign", workers=2) as command:
         wait_until(lambda: processes_named_in(shared))
-        with pytest.raises(ConfigurationError, match=f"process {command.pid} on .*--out"):
+        with pytest.raises(ConfigurationError, match=f"process {command.pid}"):
             quiet(waiting_jobs(shared), tmp_path / "campaign")
 
 
 def test_results_of_another_configuration_are_refused_by_the_name_of_the_setting(tmp_path):
     quiet(walks(), tmp_path)
-    with pytest.raises(ConfigurationError, match=r"walk/0.* steps was 20 and is 21 now.*--out"):
+    with pytest.raises(ConfigurationError, match="walk/0.*steps.*20.*21"):
         quiet(walks(21)[1:], tmp_path)
-    with pytest.raises(ConfigurationError, match=r"walk/0.* seed was 0 and is 5 now.*--seed"):
+    with pytest.raises(ConfigurationError, match="walk/0.*seed.*0.*5"):
         quiet([Job("walk/0", "toy_jobs:walk", {"steps": 20}, 5)], tmp_path)
-    with pytest.raises(ConfigurationError, match=r"joined.* needs \(walk/0\)"):
+    with pytest.raises(ConfigurationError, match="joined.*walk/0"):
         quiet([walks()[1], Job("joined", "toy_jobs:walk", {"steps": 20}, 7, ("walk/0",))], tmp_path)
 
 
 def test_a_job_without_code_stops_the_campaign_instead_of_failing_every_job(tmp_path):
-    with pytest.raises(ConfigurationError, match=r"no_such_module.* run the same command again"):
+    with pytest.raises(ConfigurationError, match="no_such_module"):
         quiet([Job("a", "no_such_module:function", {}, 0)], tmp_path)
     assert list((tmp_path / "failed").iterdir()) == []
 
 
-def test_a_folder_that_cannot_be_made_is_one_clear_sentence(tmp_path):
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(ConfigurationError, match=r"cannot be written: Not a directory.*--out"):
+    with pytest.raises(ConfigurationError, match=str(tmp_path / "file" / "campaign")):
         quiet(walks(), tmp_path / "file" / "campaign")
 
 
-def test_where_nobody_can_write_another_folder_is_the_remedy():
-    with pytest.raises(ConfigurationError, match=r"with --out, name a folder that can be written$"):
+def test_a_folder_that_cannot_be_written_is_named():
+    with pytest.raises(ConfigurationError, match="/proc/campaign"):
         quiet(walks(), Path("/proc/campaign"))
 
 
@@ -257,7 +259,7 @@ def test_a_disk_that_is_full_from_the_start_asks_for_space(tmp_path, monkeypatch
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(Path, "mkdir", full)
-    with pytest.raises(ConfigurationError, match=r"No space left.*free space there or name"):
+    with pytest.raises(ConfigurationError, match="No space left"):
         quiet(walks(), tmp_path)
 
 

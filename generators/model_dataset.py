@@ -1,4 +1,4 @@
-"""What every generator that runs a classical model says of it."""
+"""The description of a dataset that a classical model makes."""
 
 from pydantic import BaseModel, ConfigDict
 
@@ -6,13 +6,13 @@ from granbench.models import find_model
 from granbench.models.classical import ClassicalCell
 
 
-class ModelTruth(BaseModel):
-    """The model behind a dataset.
+class ModelDataset(BaseModel):
+    """A dataset whose stresses are those of a classical model.
 
     Parameters
     ----------
-    dataset : name
-    model : in the catalogue of classical models
+    dataset : name of the dataset
+    model : name of the model in the catalogue of classical models
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -21,7 +21,7 @@ class ModelTruth(BaseModel):
     model: str
 
     def cell(self) -> ClassicalCell:
-        """The ground truth itself, with the default parameters of the model.
+        """The model with its default parameters.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""One attempt at one campaign job: its process, what became of it, and its files."""
+"""One attempt at one campaign job: its process, how it ended, and its files."""
 
 import contextlib
 import json
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from granbench.generators.campaign_folder import publish, run_is_open
+from granbench.generators.campaign.folder import publish, run_is_open
 
 CHECK_INTERVAL = 0.2
 EXPLAIN_TIME = 60.0
@@ -23,15 +23,15 @@ LEAST_FREE_BYTES = 1 << 20
 
 @dataclass(frozen=True)
 class Request:
-    """One attempt at one job, as it is handed to a worker.
+    """One attempt at one job, as a worker receives it.
 
-    Attributes
+    Parameters
     ----------
-    key, slug, digest : the job's name, its name as a folder, and its identity
+    key, slug, digest : name of the job, its name as a folder, and the hash of its settings
     job : `function`, `configuration`, `seed` of the job, plain JSON values
     inputs : result folder of each job that this one needs, by key
-    run : folder of the campaign's run; the attempt stops when the run is closed
-    results : folder that takes the result
+    run : folder of the run; the attempt stops when the run is closed
+    results : folder into which the result is moved
     """
 
     key: str
@@ -47,35 +47,39 @@ class Request:
 class Outcome:
     """How an attempt ended.
 
-    Attributes
+    Parameters
     ----------
     kind : `done`; `failed`: the job's function raised an exception; `killed`: its process ended
-        without an explanation by the job itself, so that another attempt may succeed; `closed`:
-        the worker does not see the run's folder, or it was closed; `blocked`: the machine cannot
-        go on, such as with a full disk
+        without a reason given by the job itself, so that another attempt may succeed; `closed`:
+        the worker does not see the run's folder, or the run was closed; `blocked`: the machine
+        cannot go on, for example because its disk is full
     reason : one sentence, empty when done
     seconds : wall-clock time of the attempt
-    messages : the last that the job's process wrote to its standard output and error
-    physical : whether the job itself explains its failure, such as by a limit of its physics, so
-        that every further attempt would fail in the same way
+    messages : the end of what the job's process wrote to its standard output and error
+    permanent : whether the job itself declared its failure, so that every further attempt would
+        fail in the same way
     """
 
     kind: Literal["done", "failed", "killed", "closed", "blocked"]
     reason: str = ""
     seconds: float = 0.0
     messages: str = ""
-    physical: bool = False
+    permanent: bool = False
 
 
 def run_attempt(request: Request) -> Outcome:
-    """Run one job in a fresh process, and publish its files when it succeeds.
+    """Run one job in a new process, and publish its files when it succeeds.
 
-    Runs on the worker, and returns when the job has ended, or soon after its run was closed;
-    every process of the job is gone then.
+    This function runs on the worker. It returns when the job has ended, or soon after the run was
+    closed; no process of the job is left then.
+
+    Parameters
+    ----------
+    request : the job and its folders
     """
     started = time.perf_counter()
-    # A name of its own for every attempt: two workers may be at the same job for a while, when
-    # the scheduler has lost touch with one of them.
+    # Every attempt has its own name: two workers may run the same job for a while when the
+    # scheduler has lost the connection to one of them.
     attempt = request.run / f"{request.slug}.{uuid.uuid4().hex[:8]}"
     try:
         if not run_is_open(request.run):
@@ -116,14 +120,14 @@ def _judge(request: Request, attempt: Path, status: int, seconds: float) -> Outc
         return Outcome("killed", reason, seconds, messages)
     if written is not None and written["error"] is not None:
         return _judge_exception(request, written, seconds, messages)
-    # The process ended without an exception. Either an engine did that, which explains it in its
-    # log, or the cause is outside: a helper process of the engine's MPI that was killed, say.
+    # The process ended without an exception. Either a library ended it and gives the reason in its
+    # log, or the cause is outside, such as a helper process that was killed.
     _run_process(request, attempt, explain=True)
-    answer = _read_outcome(attempt) or {}
-    if answer.get("explanation"):
-        reason = " ".join(answer["explanation"].split())
-        return Outcome("failed", reason, seconds, messages, physical=True)
-    reason = answer.get("error") or (
+    explained = _read_outcome(attempt) or {}
+    if explained.get("explanation"):
+        reason = " ".join(explained["explanation"].split())
+        return Outcome("failed", reason, seconds, messages, permanent=True)
+    reason = explained.get("error") or (
         f"its process ended with exit code {status} before the job was finished"
     )
     return Outcome("killed", reason, seconds, messages)
@@ -137,7 +141,7 @@ def _judge_exception(
         return Outcome("blocked", f"{reason} (in {request.job['function']})")
     if cause in ("memory", "system"):
         return Outcome("killed", reason, seconds, messages)
-    return Outcome("failed", reason, seconds, messages, physical=cause == "physics")
+    return Outcome("failed", reason, seconds, messages, permanent=cause == "permanent")
 
 
 def _signal_name(number: int) -> str:
@@ -158,16 +162,16 @@ def _run_process(request: Request, attempt: Path, *, explain: bool) -> int:
             "explain": explain,
         }
     )
-    # One thread a job, for the workers share the cores; a fixed hash seed, for a result must
-    # not depend on the order of a set.
+    # One thread per job, because the workers share the cores; a fixed hash seed, because a result
+    # must not depend on the order of a set.
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
     if "PYTHONPATH" in environment:
-        # The process starts in another folder, so that stray files of an engine stay in there.
+        # The process starts in the attempt's folder, so that stray files of a library stay there.
         entries = environment["PYTHONPATH"].split(os.pathsep)
         environment["PYTHONPATH"] = os.pathsep.join(map(os.path.abspath, entries))
     with open(attempt / "stderr.txt", "ab") as messages:
         process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "granbench.generators.job_process"],
+            [sys.executable, "-P", "-m", "granbench.generators.campaign.job_process"],
             stdin=subprocess.PIPE,
             stdout=messages,
             stderr=messages,
@@ -185,7 +189,7 @@ def _run_process(request: Request, attempt: Path, *, explain: bool) -> int:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 return process.wait(CHECK_INTERVAL)
     finally:
-        # The whole group: what the job itself has started goes with it.
+        # The whole process group, which includes processes that the job has started.
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
         process.wait()

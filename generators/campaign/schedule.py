@@ -1,4 +1,4 @@
-"""Jobs that depend on each other, and which of them is next."""
+"""Jobs that depend on each other, and the order in which they run."""
 
 import hashlib
 import heapq
@@ -19,22 +19,23 @@ KEY_LENGTH = 200
 class Job:
     """One unit of work of a campaign.
 
-    Attributes
+    Parameters
     ----------
     key : unique name: letters, digits and ``. + = -``, in words joined by ``_`` or ``/``
     function : ``module:function``, called as ``function(configuration, seed, inputs, out)``
         with `inputs` the result folder (Path) of each needed job by key and `out` the folder
-        (Path) to write to. The same module may say which failures are of the job's own making,
-        so that trying again is useless: exceptions in its tuple ``PHYSICAL_FAILURES``, and, where
-        the process ends without an exception as LIGGGHTS makes it do, a sentence that
-        ``failure_reason(out) -> str | None`` gives.
-    configuration : JSON values; everything, but for the seed, that the result depends on
-    seed : of all the random numbers of the job
+        (Path) to write to. The same module may declare which failures are permanent, so that
+        another attempt is useless: the exceptions in its tuple ``PERMANENT_FAILURES`` and, where
+        a library ends the process without an exception, the sentence that its function
+        ``failure_reason(out) -> str | None`` returns.
+    configuration : JSON values; everything that the result depends on, except the seed
+    seed : of all random numbers of the job
     needs : keys of the jobs whose results this one reads
 
     Raises
     ------
-    ConfigurationError : the key cannot name a folder or the configuration is not JSON
+    ConfigurationError
+        If the key cannot name a folder or the configuration is not JSON.
     """
 
     key: str
@@ -63,7 +64,7 @@ class Job:
         return self.key.replace("/", "__")
 
     def plain(self) -> dict[str, Any]:
-        """What the result depends on, but for the needed results, as JSON values."""
+        """Everything that the result depends on, except the needed results, as JSON values."""
         return {
             "function": self.function,
             "configuration": dict(self.configuration),
@@ -72,15 +73,16 @@ class Job:
 
 
 class Schedule:
-    """Which job is next: the first in the list that has all it needs.
+    """The order of the jobs: next is always the first in the list that has all it needs.
 
     Parameters
     ----------
-    jobs : in the order of their priority
+    jobs : in order of priority
 
     Raises
     ------
-    ConfigurationError : a key is there twice, a need is not there, or jobs need each other
+    ConfigurationError
+        If two jobs have one key, a needed job is missing, or jobs need each other in a circle.
     """
 
     def __init__(self, jobs: Sequence[Job]) -> None:
@@ -123,11 +125,11 @@ class Schedule:
         return tuple(self._users[key])
 
     def drop(self, key: str) -> None:
-        """Take a job off the list that nobody needs."""
+        """Remove a job that no other job needs."""
         self._open.discard(key)
 
     def take(self) -> Job | None:
-        """Return the next job and take it off the list; None when none is ready."""
+        """Return the next job and remove it from the list; None if no job is ready."""
         while self._ready:
             key = self._keys[heapq.heappop(self._ready)]
             if key in self._open:
@@ -136,12 +138,12 @@ class Schedule:
         return None
 
     def put_back(self, key: str) -> None:
-        """Offer a job that was taken once more."""
+        """Put a job that was taken back on the list."""
         self._open.add(key)
         heapq.heappush(self._ready, self.rank[key])
 
     def finish(self, key: str) -> None:
-        """Note a result, which may make other jobs ready."""
+        """Record that a job is done, which may make other jobs ready."""
         self._open.discard(key)
         for user in self._users[key]:
             self._missing[user].discard(key)
@@ -149,7 +151,7 @@ class Schedule:
                 heapq.heappush(self._ready, self.rank[user])
 
     def fail(self, key: str) -> list[tuple[str, str]]:
-        """Note a failure; return each job that it stops, with the need that it lacks."""
+        """Record a failure; return each job that cannot run now, with the missing job it needs."""
         self._open.discard(key)
         stopped = []
         failed = [key]
@@ -163,7 +165,7 @@ class Schedule:
 
 
 def digests(schedule: Schedule) -> dict[str, str]:
-    """Return the SHA-256, by key, of all that a job's result depends on, its needs included."""
+    """Return the SHA-256, by key, of everything that a job's result depends on."""
     found: dict[str, str] = {}
     for key in schedule.order:
         job = schedule.jobs[key]

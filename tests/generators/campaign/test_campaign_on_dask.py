@@ -1,5 +1,6 @@
 """The campaign executor on a real dask.distributed scheduler with real workers."""
 
+import re
 import shutil
 import signal
 import socket
@@ -25,8 +26,7 @@ from campaign_support import (
 )
 
 from granbench.errors import ConfigurationError, EngineError
-from granbench.generators import workers
-from granbench.generators.campaign import Job
+from granbench.generators.campaign import Job, workers
 
 pytestmark = [pytest.mark.usefixtures("toy_jobs"), pytest.mark.cluster]
 
@@ -143,7 +143,7 @@ def test_a_lost_scheduler_is_a_clear_error_and_the_campaign_resumes(
 
     killer = threading.Thread(target=kill_the_scheduler)
     killer.start()
-    with pytest.raises(EngineError, match="was lost; start it again"):
+    with pytest.raises(EngineError, match=re.escape(cluster.address)):
         quiet(waiting_jobs(shared), tmp_path / "campaign", scheduler=cluster.address)
     killer.join()
     wait_until(lambda: not any(map(is_alive, processes_named_in(shared))))
@@ -155,7 +155,7 @@ def test_a_lost_scheduler_is_a_clear_error_and_the_campaign_resumes(
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:nowhere", "nowhere"])
 def test_an_address_that_is_none_is_refused(tmp_path, address):
-    with pytest.raises(ConfigurationError, match=f"no dask scheduler answers at {address}"):
+    with pytest.raises(ConfigurationError, match=address):
         quiet(walks(), tmp_path / "new" / "campaign", scheduler=address)
     assert list(tmp_path.iterdir()) == []
 
@@ -165,7 +165,7 @@ def test_a_campaign_that_was_begun_asks_for_a_scheduler_only_when_it_has_jobs_le
     done = quiet(walks(), tmp_path).done
     assert quiet(walks(), tmp_path, scheduler=nobody).done == done
     shutil.rmtree(done["walk/1"])
-    with pytest.raises(ConfigurationError, match="no dask scheduler answers"):
+    with pytest.raises(ConfigurationError, match=nobody):
         quiet(walks(), tmp_path, scheduler=nobody)
 
 
@@ -176,6 +176,6 @@ def test_a_service_that_is_no_scheduler_is_refused_in_time(tmp_path, monkeypatch
         silent.bind(("127.0.0.1", 0))
         silent.listen()
         began = time.monotonic()
-        with pytest.raises(ConfigurationError, match=r"no dask scheduler answers.*--scheduler"):
+        with pytest.raises(ConfigurationError, match="127.0.0.1"):
             quiet(walks(), tmp_path, scheduler=f"tcp://127.0.0.1:{silent.getsockname()[1]}")
     assert time.monotonic() - began < 5.0

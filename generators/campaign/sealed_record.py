@@ -1,8 +1,8 @@
-"""Records of campaign jobs that show whether they, and the files they speak of, are still whole.
+"""Records of campaign jobs, with which damage to them and to the results is noticed.
 
-A record is a JSON file that carries the SHA-256 of its own content. That of a finished job also
-lists every file of the result with size and SHA-256, so that a file that was truncated, changed
-or lost later is noticed before anyone reads it.
+A record is a JSON file that contains the SHA-256 of its own content. The record of a finished job
+also lists every file of the result with its size and SHA-256, so that a file that was truncated,
+changed or lost later is noticed before it is read.
 """
 
 import hashlib
@@ -15,7 +15,7 @@ from typing import Any
 SEAL = "record_sha256"
 FILES = "files"
 MOST_BYTES = 1 << 24
-"""A record is some kilobytes; what is larger than 16 MiB is no record."""
+"""A record has some kilobytes; a file of more than 16 MiB is not a record."""
 FIELDS: dict[str, type] = {
     "key": str,
     "digest": str,
@@ -27,14 +27,14 @@ FIELDS: dict[str, type] = {
 
 
 def sealed(record: dict[str, Any]) -> str:
-    """The text of a record's file."""
+    """Text of the file of a record."""
     return json.dumps(record | {SEAL: _seal(record)}, indent=1, sort_keys=True) + "\n"
 
 
 def read_record(path: Path) -> dict[str, Any] | None:
-    """A record that is as it was written, or None.
+    """Read a record; None if it is missing or not as it was written.
 
-    Records that were written before records were sealed are taken if their fields are sound.
+    Records of earlier versions, without a hash, are accepted if their fields have the right types.
     """
     try:
         record = json.loads(_content(path, MOST_BYTES))
@@ -58,12 +58,13 @@ def digests_of(folder: Path) -> dict[str, list[Any]]:
 
 
 def damage(folder: Path, record: dict[str, Any]) -> str | None:
-    """What is wrong with the files of a finished job; None where all are as they were written.
+    """Return what is wrong with the files of a finished job, or None if nothing is.
 
     Parameters
     ----------
     folder : of the result
-    record : as `read_record` gives it; an earlier version listed no files, which cannot be checked
+    record : as `read_record` returns it; records of earlier versions list no files, which are then
+        not checked
     """
     for name, (size, sha256) in record.get(FILES, {}).items():
         try:
@@ -97,7 +98,7 @@ def _content(path: Path, most_bytes: int) -> bytes:
 
 
 def _opened(path: Path) -> Any:
-    """A regular file, open for reading: no link is followed, and a FIFO is not waited for."""
+    """Open a regular file for reading; links are not followed, and FIFOs do not block."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)

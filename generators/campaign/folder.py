@@ -1,13 +1,13 @@
-"""The folder of a campaign: finished results, failures, attempts under way, log and lock.
+"""The folder of a campaign: finished results, failures, running attempts, log and lock.
 
 ::
 
     results/<slug>/    one finished job: its files and job.json, which lists them with their
                        SHA-256; appears whole or not at all
     failed/<slug>.json why a job has no result
-    attempts/<run>/    what the running command works on; removed after it
-    campaign.log       one line a job
-    lock               held by the one command that writes here
+    attempts/<run>/    files of the jobs that are running; removed at the end of the run
+    campaign.log       one line per job
+    lock               held by the one process that writes here
 """
 
 import contextlib
@@ -24,22 +24,29 @@ from typing import Any, TextIO
 
 from granbench.errors import ConfigurationError
 from granbench.files.whole_file import FULL_DISK, whole_file
-from granbench.generators.sealed_record import FILES, damage, digests_of, read_record, sealed
+from granbench.generators.campaign.sealed_record import (
+    FILES,
+    damage,
+    digests_of,
+    read_record,
+    sealed,
+)
 
 RESULT_FILE = "job.json"
 OPEN_FILE = "open"
 
 
 class CampaignFolder:
-    """Where one campaign keeps everything; jobs go by the slug of their key here.
+    """The folder of one campaign, in which jobs are named by the slug of their key.
 
     Parameters
     ----------
-    root : the campaign's folder; made when it is absent
+    root : the campaign's folder; made if it does not exist
 
     Raises
     ------
-    ConfigurationError : the folder cannot be made
+    ConfigurationError
+        If the folder cannot be made.
     """
 
     def __init__(self, root: Path) -> None:
@@ -54,17 +61,16 @@ class CampaignFolder:
 
     @contextlib.contextmanager
     def explained_errors(self) -> Iterator[None]:
-        """Turn an error of the file system into a sentence about this folder."""
+        """Turn an error of the file system into a ConfigurationError about this folder."""
         try:
             yield
-        except BrokenPipeError:  # a screen that is gone, not a file
+        except BrokenPipeError:  # of the terminal, not of a file
             raise
         except OSError as error:
-            remedy = "with --out, name a folder that can be written"
+            remedy = "choose a folder that can be written"
             if error.errno in FULL_DISK:
                 remedy = (
-                    "free space there or name another folder with --out, then run the same "
-                    "command again"
+                    "free space there or choose another folder, then run the same campaign again"
                 )
             raise ConfigurationError(
                 f"the campaign folder {self.root} cannot be written: "
@@ -73,11 +79,12 @@ class CampaignFolder:
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep other commands out of the folder; the lock ends with the process that holds it.
+        """Keep other processes out of the folder; the lock ends with the process that holds it.
 
         Raises
         ------
-        ConfigurationError : another command holds the folder
+        ConfigurationError
+            If another process holds the lock.
         """
         with self.explained_errors():
             lock = open(self.root / "lock", "a+", opener=_regular)  # noqa: SIM115
@@ -86,13 +93,13 @@ class CampaignFolder:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 raise ConfigurationError(
-                    f"another command is writing to the campaign folder {self.root} "
-                    f"({_holder(lock)}); wait for it, stop it, or name another folder with --out"
+                    f"another process is writing to the campaign folder {self.root} "
+                    f"({_holder(lock)}); wait for it, stop it, or choose another folder"
                 ) from None
             except OSError as error:
                 raise ConfigurationError(
                     f"the file system of {self.root} has no file locks ({error.strerror}); "
-                    "name a folder on another one with --out"
+                    "choose a folder on another file system"
                 ) from error
             lock.truncate(0)
             lock.write(f"process {os.getpid()} on {socket.gethostname()}")
@@ -101,10 +108,10 @@ class CampaignFolder:
 
     @contextlib.contextmanager
     def open_run(self) -> Iterator[Path]:
-        """Give a fresh folder for the attempts of this command, and close it in the end.
+        """Make a new folder for the attempts of this run, and close and remove it at the end.
 
-        Attempts that an earlier command left behind are closed and removed first. An attempt
-        lives only as long as its run is open (`run_is_open`).
+        Attempts that an earlier run left behind are stopped and removed first. An attempt goes on
+        only while its run is open (`run_is_open`).
         """
         self._close_runs()
         run = self.attempts / uuid.uuid4().hex[:12]
@@ -122,16 +129,16 @@ class CampaignFolder:
                 shutil.rmtree(run, ignore_errors=True)
 
     def result(self, slug: str) -> dict[str, Any] | None:
-        """Return the job.json of a finished job, or None when there is none that can be read."""
+        """Return the record of a finished job, or None if it is missing or damaged."""
         return read_record(self.results / slug / RESULT_FILE)
 
     def damage(self, slug: str, result: dict[str, Any] | None) -> str | None:
-        """Say what is wrong with the result of a job; None where it is whole or not there.
+        """Return what is wrong with the result of a job, or None if it is whole or absent.
 
         Parameters
         ----------
         slug : of the job
-        result : what `result` gives
+        result : record of the job, as the method `result` returns it
         """
         folder = self.results / slug
         if not os.path.lexists(folder):
@@ -145,12 +152,12 @@ class CampaignFolder:
         _remove(self.results / slug)
 
     def failure(self, slug: str) -> dict[str, Any] | None:
-        """Return the record of a failed job, or None when there is none that can be read."""
+        """Return the record of a failed job, or None if it is missing or damaged."""
         record = read_record(self.failed / f"{slug}.json")
         return record if record is not None and isinstance(record.get("reason"), str) else None
 
     def record_failure(self, slug: str, record: dict[str, Any]) -> None:
-        """Write why a job failed, in place of what was known before."""
+        """Write why a job failed, in place of an earlier record."""
         self.forget_failure(slug)
         with whole_file(self.failed / f"{slug}.json", ConfigurationError) as draft:
             draft.write_text(sealed(record))
@@ -166,18 +173,18 @@ class CampaignFolder:
 
 
 def publish(out: Path, results: Path, slug: str, record: dict[str, Any]) -> None:
-    """Give a finished attempt's files their final name in one step.
+    """Move the files of a finished attempt to their final folder in one step.
 
     Parameters
     ----------
-    out : folder with the files of the job; it is gone afterwards
-    results, slug : where the result goes
-    record : content of job.json; where a result with the same digest is there already (another
-        attempt at the same job was faster) that one stays
+    out : folder with the files of the job; it no longer exists afterwards
+    results, slug : the files are moved to ``results/slug``
+    record : content of job.json; a result with the same digest that already exists is kept,
+        because another attempt at the same job was faster
     """
     (out / RESULT_FILE).write_text(sealed(record | {FILES: digests_of(out)}))
-    # A rename may reach the disk before what it names: without this, a power cut could leave
-    # an empty file in a result that counts as whole.
+    # A rename may reach the disk before the files themselves: without this, a power cut could
+    # leave an empty file in a result that counts as whole.
     for file in out.rglob("*"):
         if file.is_file():
             with open(file, "rb") as written:
@@ -195,12 +202,12 @@ def publish(out: Path, results: Path, slug: str, record: dict[str, Any]) -> None
 
 
 def run_is_open(run: Path) -> bool:
-    """Whether the command that opened this run still wants its attempts."""
+    """Whether the run still goes on, so that its attempts should too."""
     return (run / OPEN_FILE).exists()
 
 
 def close_run(run: Path) -> None:
-    """Tell all attempts of a run, on every machine, to stop."""
+    """Stop all attempts of a run, on every machine."""
     (run / OPEN_FILE).unlink(missing_ok=True)
 
 
@@ -213,7 +220,7 @@ def _remove(path: Path) -> None:
 
 
 def _regular(path: str, flags: int) -> int:
-    """Open a lock file, but no link and nothing that is not a file."""
+    """Open a lock file if it is a regular file, and neither a link nor a device."""
     descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)

@@ -1,8 +1,8 @@
-"""The process of one campaign job: ``python -m granbench.generators.job_process``.
+"""The process of one campaign job: ``python -m granbench.generators.campaign.job_process``.
 
-It takes one line of JSON on its standard input, calls the job's function and writes how that
-went to ``outcome.json``. The input stays open as a lifeline: when the process that started this
-one dies, by SIGKILL too, it closes, and this process ends with all that it has started.
+It reads one line of JSON from its standard input, calls the job's function and writes the outcome
+to ``outcome.json``. The standard input stays open: it closes when the parent process dies, even by
+SIGKILL, and this process then ends together with all processes that it has started.
 """
 
 import errno
@@ -23,7 +23,7 @@ FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
 
 
 def one_sentence(error: BaseException) -> str:
-    """Return an exception's text on one line, with its type unless the text is for users."""
+    """Return the text of an exception on one line, with its type unless it is GranBench's own."""
     text = " ".join(str(error).split())
     if isinstance(error, GranbenchError) and text:
         return text
@@ -32,8 +32,8 @@ def one_sentence(error: BaseException) -> str:
 
 def main() -> int:
     """Run the requested job and return the exit status of this process."""
-    request, lifeline = _read_request()
-    threading.Thread(target=_end_with_parent, args=(lifeline,), daemon=True).start()
+    request, parent_pipe = _read_request()
+    threading.Thread(target=_end_with_parent, args=(parent_pipe,), daemon=True).start()
     outcome: dict[str, Any] = {"error": None}
     cause = "code"
     try:
@@ -54,8 +54,8 @@ def main() -> int:
             cause = "disk"
         elif isinstance(error, OSError) and cause == "job":
             cause = "system"
-        elif cause == "job" and isinstance(error, getattr(job_module, "PHYSICAL_FAILURES", ())):
-            cause = "physics"
+        elif cause == "job" and isinstance(error, getattr(job_module, "PERMANENT_FAILURES", ())):
+            cause = "permanent"
         outcome = {"error": one_sentence(error), "cause": cause}
         traceback.print_exc()
     Path(request["outcome"]).write_text(json.dumps(outcome))
@@ -63,23 +63,23 @@ def main() -> int:
 
 
 def _read_request() -> tuple[dict[str, Any], int]:
-    # The lifeline leaves descriptor 0, so that no program which the job starts reads from it.
-    lifeline = os.dup(0)
+    # The pipe leaves descriptor 0, so that no program which the job starts reads from it.
+    parent_pipe = os.dup(0)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.close(nothing)
     line = b""
     while not line.endswith(b"\n"):
-        piece = os.read(lifeline, 1 << 16)
+        piece = os.read(parent_pipe, 1 << 16)
         if not piece:
             sys.exit("the process that started this job has ended")
         line += piece
-    return json.loads(line), lifeline
+    return json.loads(line), parent_pipe
 
 
-def _end_with_parent(lifeline: int) -> None:
-    os.read(lifeline, 1)
-    # The workers start this process as the head of its own group (a new session).
+def _end_with_parent(parent_pipe: int) -> None:
+    os.read(parent_pipe, 1)
+    # The workers start this process as the leader of its own process group (a new session).
     os.killpg(os.getpid(), signal.SIGKILL)
 
 
