@@ -14,8 +14,8 @@ import numpy as np
 import torch
 import xarray as xr
 
-from granbench.benchmark.axes.embedded.metered_cell import MeteredCell
 from granbench.benchmark.axes.embedded.posed import posed, start_of
+from granbench.benchmark.axes.embedded.timed_cell import TimedCell
 from granbench.cells.check import POINTS
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.errors import ConfigurationError, DatasetError
@@ -169,7 +169,7 @@ def _analysed(
     else:
         settings = replace(settings, steps=analysis.outputs, cuts=CUTS)
     limit = UPDATES * analysis.outputs if isinstance(settings, ImplicitSettings) else None
-    metered = MeteredCell(cell, limit)
+    metered = TimedCell(cell, limit)
     start = start_of(truth, analysis.confinement)
     begin = time.process_time()
     # `predict` has checked the cell, which must not count as calls or time of the analysis.
@@ -218,7 +218,7 @@ def _warm_up(cell: MaterialCell, analysis: EmbeddedAnalysis, truth: ClassicalCel
     explicit = replace(problem.explicit(), outputs=1, modulus=analysis.modulus)
     for settings in (explicit, replace(problem.implicit(), steps=1, cuts=0)):
         run(
-            problem, MeteredCell(cell), solver=settings, mesh=analysis.mesh, scalars=start,
+            problem, TimedCell(cell), solver=settings, mesh=analysis.mesh, scalars=start,
             check=False,
         )  # fmt: skip
 
