@@ -37,10 +37,10 @@ from granbench.benchmark.protocols import (
     chosen_axes,
     protocols_of,
 )
-from granbench.benchmark.surviving import Series
 from granbench.cells.check import CellCheck, checked_cell, spread_rows
-from granbench.cells.contents import changed, snapshot
+from granbench.cells.check.snapshot import changed, snapshot
 from granbench.cells.contract import Conditions, MaterialCell
+from granbench.cells.robust_runs import Series
 from granbench.cells.user_code import user_code
 from granbench.data.adapters import conditions_of
 from granbench.errors import ConfigurationError, DatasetError, ModelError

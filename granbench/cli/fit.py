@@ -189,7 +189,7 @@ def fit(
     """
     require_folder("--out", out)
 
-    from granbench.element_test.driven_model import ModelChoice
+    from granbench.element_test.start import ModelChoice
     from granbench.fitting import Effort, FitSettings
     from granbench.fitting import fit as fitted
     from granbench.fitting.observations import CONTROLS

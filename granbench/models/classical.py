@@ -60,7 +60,6 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
     dimension : of space in which the model is defined, 2 or 3
     parameter_table : its parameters
     parameter_sets : published values, the default first
-    pressure_dependent : whether the model is undefined without compression
     holds_without_stress : whether such a model may start at zero mean stress, its apex
     internal_tensors : tensors beside the stress, such as `plastic_strain`; their components are
         internal variables `plastic_strain_xx` and so on, in the order of `rows`
@@ -81,7 +80,6 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
     dimension: ClassVar[int] = 3
     parameter_table: ClassVar[tuple[Parameter, ...]]
     parameter_sets: ClassVar[Mapping[str, Mapping[str, float]]]
-    pressure_dependent: ClassVar[bool] = False
     holds_without_stress: ClassVar[bool] = False
     internal_tensors: ClassVar[tuple[str, ...]] = ()
     internal_variables: ClassVar[tuple[str, ...]] = ()

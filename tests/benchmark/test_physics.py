@@ -39,8 +39,8 @@ from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import PHYSICS_OBSTACLES, evaluated
 from granbench.benchmark.scorecard import Scorecard
 from granbench.benchmark.statistics import CEILING
-from granbench.cells.candidate import find_candidate
 from granbench.cells.contract import Conditions, MaterialCell, ModuleCell, StateLayout
+from granbench.cells.find import find_cells
 from granbench.data.normalisation import Normalisation
 from granbench.generators.classical.design import DATASETS
 from granbench.models import find_model
@@ -106,7 +106,7 @@ def test_ten_lines_of_linear_elasticity_pass(dtype: torch.dtype) -> None:
 def test_floors_pass() -> None:
     records = plane_records()
     for floor in ("persistence", "linear-elastic"):
-        assert violated(find_candidate(floor, records).cell, records) == set()
+        assert violated(find_cells(floor, records).cell, records) == set()
 
 
 LAWLESS: dict[str, tuple[Callable[[], MaterialCell], set[str]]] = {

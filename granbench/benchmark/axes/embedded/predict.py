@@ -14,7 +14,7 @@ import numpy as np
 import torch
 import xarray as xr
 
-from granbench.benchmark.axes.embedded.metered_cell import MeteredCell
+from granbench.benchmark.axes.embedded.timed_cell import TimedCell
 from granbench.cells.check import POINTS
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.errors import ConfigurationError, DatasetError
@@ -170,7 +170,7 @@ def _analysed(
     else:
         settings = replace(settings, steps=analysis.outputs, cuts=CUTS)
     limit = UPDATES * analysis.outputs if isinstance(settings, ImplicitSettings) else None
-    metered = MeteredCell(cell, limit)
+    metered = TimedCell(cell, limit)
     start = internals_at_start(truth, analysis.confinement)
     begin = time.process_time()
     # `predict` has checked the cell, which must not count as calls or time of the analysis.
@@ -219,7 +219,7 @@ def _warm_up(cell: MaterialCell, analysis: EmbeddedAnalysis, truth: ClassicalCel
     explicit = replace(problem.explicit(), outputs=1, modulus=analysis.modulus)
     for settings in (explicit, replace(problem.implicit(), steps=1, cuts=0)):
         run(
-            problem, MeteredCell(cell), solver=settings, mesh=analysis.mesh, scalars=start,
+            problem, TimedCell(cell), solver=settings, mesh=analysis.mesh, scalars=start,
             check=False,
         )  # fmt: skip
 

@@ -1,25 +1,24 @@
-"""A cell inside an analysis: timed and counted."""
+"""A cell inside an analysis, whose calls are timed and counted."""
 
 import time
-from collections.abc import Callable
 from typing import final
 
 from torch import Tensor
 
-from granbench.cells.contract import Conditions, MaterialCell
+from granbench.cells.contract import MaterialCell
+from granbench.cells.robust_runs import CellMethod
+from granbench.cells.wrapper import CellWrapper
 from granbench.errors import AnalysisError
-
-Answer = Callable[[Tensor, Tensor], tuple[Tensor, ...]]
 
 
 @final
-class MeteredCell(MaterialCell):
-    """A cell whose answers are its own, to the last bit.
+class TimedCell(CellWrapper):
+    """A cell that returns what the wrapped one returns, to the last bit.
 
     Parameters
     ----------
     cell : the model
-    limit : calls after which an analysis is given up; None for no limit. A count is the same on
+    limit : calls after which an analysis is stopped; None for no limit. A count is the same on
         every machine, which a time would not be.
 
     Attributes
@@ -29,27 +28,21 @@ class MeteredCell(MaterialCell):
     """
 
     def __init__(self, cell: MaterialCell, limit: int | None = None) -> None:
-        self.name, self.order, self.dtype = cell.name, cell.order, cell.dtype
-        self.layout, self.internals = cell.layout, cell.internals
-        self.cheap_tangent = cell.cheap_tangent
+        super().__init__(cell)
         self.seconds, self.calls = 0.0, 0
-        self._cell, self._limit = cell, limit
-
-    def initial_state(self, conditions: Conditions) -> Tensor:
-        """See `MaterialCell.initial_state`."""
-        return self._cell.initial_state(conditions)
+        self._limit = limit
 
     def step(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """See `MaterialCell.step`."""
-        stress, after = self._timed(self._cell.step, dstrain, state)
+        stress, after = self._timed(self.wrapped.step, dstrain, state)
         return stress, after
 
     def tangent(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """See `MaterialCell.tangent`."""
-        stress, after, tangent = self._timed(self._cell.tangent, dstrain, state)
+        stress, after, tangent = self._timed(self.wrapped.tangent, dstrain, state)
         return stress, after, tangent
 
-    def _timed(self, answer: Answer, dstrain: Tensor, state: Tensor) -> tuple[Tensor, ...]:
+    def _timed(self, method: CellMethod, dstrain: Tensor, state: Tensor) -> tuple[Tensor, ...]:
         self.calls += 1
         if self._limit is not None and self.calls > self._limit:
             raise AnalysisError(
@@ -58,6 +51,6 @@ class MeteredCell(MaterialCell):
             )
         begin = time.process_time()
         try:
-            return answer(dstrain, state)
+            return method(dstrain, state)
         finally:
             self.seconds += time.process_time() - begin

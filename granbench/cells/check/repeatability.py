@@ -14,9 +14,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from granbench.cells.contents import changed, snapshot
+from granbench.cells.check.snapshot import changed, snapshot
 from granbench.cells.contract import MaterialCell
-from granbench.element_test.stress_control import surviving
+from granbench.cells.robust_runs import robust_call
 from granbench.errors import ModelError
 
 CALLS = 12
@@ -192,7 +192,7 @@ def different_answers(cell: MaterialCell, names: list[str]) -> ModelError:
     Parameters
     ----------
     cell : the cell
-    names : what changed in it, see `granbench.cells.contents.changed`
+    names : what changed in it, see `granbench.cells.check.snapshot.changed`
     """
     told = f"{cell.name} gives different answers to the same strain increment from the same state"
     drawn = [name for name in names if _drawn(name)]
@@ -243,7 +243,7 @@ def _ask(cell: MaterialCell, asked: Answers) -> Answers:
     """The same questions, with the answers of now."""
     if not len(asked.dstrain):
         return asked
-    stress, after = surviving(cell.step, asked.dstrain.clone(), asked.state.clone())[:2]
+    stress, after = robust_call(cell.step, asked.dstrain.clone(), asked.state.clone())[:2]
     return Answers(
         asked.dstrain,
         asked.state,

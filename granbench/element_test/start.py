@@ -9,9 +9,9 @@ import torch
 from torch import Tensor
 
 from granbench.cells.baseline import baseline_names
-from granbench.cells.candidate import find_candidate, unknown_model
+from granbench.cells.check.attributes import require_tensor
 from granbench.cells.contract import Conditions, MaterialCell
-from granbench.cells.form import require_tensor
+from granbench.cells.find import find_cells, unknown_model
 from granbench.cells.user_code import user_code
 from granbench.data.verification import task_file
 from granbench.errors import ConfigurationError, ModelError
@@ -102,7 +102,7 @@ class ModelChoice:
         if self.name in MODELS:
             return MODELS[self.name](parameter_set=self.parameter_set, order=order)
         with open_records(task_file(self.task)) as records:
-            return find_candidate(self.name, records, seeds=(0,)).cell
+            return find_cells(self.name, records, seeds=(0,)).cell
 
     def _is_file(self) -> bool:
         return Path(self.name).suffix == ".json" and Path(self.name).is_file()
@@ -165,7 +165,7 @@ class Start:
             _check_scalar(name, value)
         known = dict(recorded.scalars) if recorded else {}
         if recorded is None or self.pressure is not None:
-            dependent = getattr(cell, "pressure_dependent", False)
+            dependent = cell.pressure_dependent
             pressure = self.isotropic_pressure(cell.name if dependent else None)
             points = len(recorded.stress) if recorded else 1
             stress = torch.from_numpy(isotropic_stress(pressure, cell.order)).repeat(points, 1)

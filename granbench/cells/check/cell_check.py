@@ -2,7 +2,7 @@
 
 A few points are taken over a few increments, again, from stored states, and one by one. After the
 use they are asked again, and so are some of the questions of the use itself, see
-`granbench.cells.repeated_answers`. What is
+`granbench.cells.check.repeatability`. What is
 safe is put right for as long as the cell is used: modules in training mode are put into evaluation
 mode, and where gradients are missing or wrong, Newton's method takes differences. The rest is
 refused with what to change.
@@ -16,10 +16,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from granbench.cells.contents import changed, evaluation_mode, snapshot
-from granbench.cells.contract import Conditions, MaterialCell
-from granbench.cells.form import kind, require_attributes, require_tensor
-from granbench.cells.repeated_answers import (
+from granbench.cells.check.attributes import kind, require_attributes, require_tensor
+from granbench.cells.check.probe import default_start, probe_increments
+from granbench.cells.check.repeatability import (
     MIXES_ROWS,
     ROUNDINGS,
     SHARE,
@@ -29,24 +28,14 @@ from granbench.cells.repeated_answers import (
     fresh_copy,
     require_same_answers,
 )
-from granbench.cells.step_differences import step_and_differences
-from granbench.cells.tangent_check import tangent_mismatch
+from granbench.cells.check.snapshot import changed, evaluation_mode, snapshot
+from granbench.cells.check.tangent import tangent_mismatch
+from granbench.cells.contract import Conditions, MaterialCell
+from granbench.cells.finite_differences import step_and_tangent
+from granbench.cells.robust_runs import finite_points, robust_call
 from granbench.cells.user_code import user_code
-from granbench.element_test.stress_control import finite, surviving
 from granbench.errors import GranbenchError, ModelError
-from granbench.tensors import COMPONENT_ORDERS, normal_mask
-
-POINTS, STEPS = 4, 4
-"""Four points find what mixes the rows of a batch or knows its size; four steps find a memory that
-every call writes, also one that only shows from the second step of a path."""
-
-STRAIN = 2e-4
-"""Size of the increments that are tried where none are given. They are small, so that every model
-bears them, and find only what goes wrong from the first strain on. What goes wrong at yield or at
-large stress is found after the use, in what the cell was asked then."""
-
-KNOWN = {"initial_void_ratio": 0.7, "grading_index": 1.1}
-"""What is told of the points where no start is given."""
+from granbench.tensors import COMPONENT_ORDERS
 
 REPEATED = (1e-6, 16.0)
 TOGETHER = (SHARE, ROUNDINGS)
@@ -171,7 +160,7 @@ class CellCheck:
     ) -> None:
         require_attributes(cell)
         self.cell = cell
-        self.start = _default_start(cell) if start is None else start
+        self.start = default_start(cell) if start is None else start
         given = probe_increments(cell.order, self._points()) if increments is None else increments
         self.increments = [part.to(cell.dtype) for part in given.unbind(dim=1)]
         self.by_differences = False
@@ -186,7 +175,7 @@ class CellCheck:
             self._first = self._course(slice(None))
             self._require_same_again()
             self._require_independent_points()
-            if not finite(self._first.stress.flatten(1)).all():
+            if not finite_points(self._first.stress.flatten(1)).all():
                 notes.append(f"{cell.name} gives no finite stress in some of its first increments")
         notes += self._looked_at_tangent()
         self.answers = self._first.stress
@@ -244,7 +233,7 @@ class CellCheck:
     def _asked(self, increment: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """One step, whose form is checked."""
         dstrain, before = increment.clone(), state.clone()
-        result = surviving(self.cell.step, dstrain, state)
+        result = robust_call(self.cell.step, dstrain, state)
         if not isinstance(result, tuple) or len(result) < 2:
             raise ModelError(
                 f"`step` of {self.cell.name} returns {kind(result)}; it must return two tensors, "
@@ -313,7 +302,7 @@ class CellCheck:
         name = self.cell.name
         dstrain, state = self.increments[0], self._first.states[0]
         try:
-            _, _, tangent = surviving(self.cell.tangent, dstrain, state)
+            _, _, tangent = robust_call(self.cell.tangent, dstrain, state)
             own = type(self.cell).tangent is not MaterialCell.tangent
             missing = not own and self.cell.differentiated(dstrain, state) is None
         except GranbenchError:
@@ -325,8 +314,8 @@ class CellCheck:
                 "differences of its stresses in its place"
             ]
         if missing:
-            *_, differences = surviving(
-                lambda *given: step_and_differences(self.cell.step, *given), dstrain, state
+            *_, differences = robust_call(
+                lambda *given: step_and_tangent(self.cell.step, *given), dstrain, state
             )
             if not differences.nan_to_num().any():
                 return []  # nothing depends on the strain
@@ -346,27 +335,6 @@ class CellCheck:
             f"{100.0 * share:.3g} %, as after a `detach`; Newton's method takes differences of its "
             "stresses in its place"
         ]
-
-
-def probe_increments(order: str, points: int) -> Tensor:
-    """Small strain increments (point, step, component), each point with its own, compressive."""
-    components = len(COMPONENT_ORDERS[order])
-    numbers = torch.arange(points * STEPS * components, dtype=torch.float64)
-    spread = torch.cos(2.4 * numbers).reshape(points, STEPS, components)
-    return 0.5 * STRAIN * (spread + torch.tensor(normal_mask(order), dtype=torch.float64))
-
-
-def spread_rows(count: int) -> list[int]:
-    """A few places out of many, evenly spread; repeated where there are fewer."""
-    return [round(place * (count - 1) / (POINTS - 1)) for place in range(POINTS)]
-
-
-def _default_start(cell: MaterialCell) -> Conditions:
-    pressure = 1e5 * torch.arange(1.0, POINTS + 1.0, dtype=torch.float64)
-    normal = torch.tensor(normal_mask(cell.order), dtype=torch.float64)
-    scalars = {name: torch.full_like(pressure, value) for name, value in KNOWN.items()}
-    known = {"initial_mean_stress": pressure, **scalars}
-    return Conditions((pressure[:, None] * normal).to(cell.dtype), known)
 
 
 def _name(cell: Any) -> str:

@@ -1,6 +1,6 @@
 """A candidate for evaluation: the cells that a user names on the command line, one a seed.
 
-`find_candidate` is the one way from a model's name to its cells.
+`find_cells` is the one way from a model's name to its cells.
 """
 
 import importlib
@@ -18,8 +18,8 @@ import torch
 import xarray as xr
 
 from granbench.cells.baseline import DESCRIPTION_FILE, Baseline, baseline_names, find_baseline
+from granbench.cells.check.attributes import require_attributes
 from granbench.cells.contract import MaterialCell
-from granbench.cells.form import require_attributes
 from granbench.cells.user_code import user_code
 from granbench.errors import ConfigurationError, ModelError, alternatives
 from granbench.files.json_reading import read_json_object
@@ -32,7 +32,7 @@ FITTED_FILE = "parameters.json"
 
 
 @dataclass(frozen=True)
-class Candidate:
+class FoundModel:
     """A model as it is evaluated.
 
     Parameters
@@ -73,13 +73,13 @@ class Candidate:
         return self.cell.parameters_count()
 
 
-def find_candidate(
+def find_cells(
     model: str,
     records: xr.Dataset,
     *,
     folders: Sequence[Path] = (),
     seeds: Sequence[int] | None = None,
-) -> Candidate:
+) -> FoundModel:
     """The cells of a model.
 
     Parameters
@@ -113,7 +113,7 @@ def find_candidate(
         raise ModelError(_no_model_in(Path(model)))
     if not folders and model not in baseline_names():
         raise ModelError(unknown_model(model))
-    return registered_candidate(model, records, folders=folders, seeds=seeds)
+    return cells_of_baseline(model, records, folders=folders, seeds=seeds)
 
 
 def _no_model_in(path: Path) -> str:
@@ -138,24 +138,24 @@ def unknown_model(name: str) -> str:
     )
 
 
-def registered_candidate(
+def cells_of_baseline(
     name: str,
     records: xr.Dataset,
     *,
     folders: Sequence[Path] = (),
     seeds: Sequence[int] | None = None,
-) -> Candidate:
+) -> FoundModel:
     """The cells of a registered baseline, whatever lies where the command is run.
 
     Parameters
     ----------
     name : of a baseline, nothing else
-    records, folders, seeds : as for `find_candidate`
+    records, folders, seeds : as for `find_cells`
 
     Raises
     ------
     ConfigurationError, ModelError
-        As `find_candidate`.
+        As `find_cells`.
     """
     if folders:
         return _trained(name, records, folders, seeds)
@@ -164,7 +164,7 @@ def registered_candidate(
 
 def _manufactured(
     model: str, records: xr.Dataset, folders: Sequence[Path], seeds: Sequence[int] | None
-) -> Candidate:
+) -> FoundModel:
     """What a user's own factory makes, for each folder or each seed."""
     places: Sequence[Path | None] = folders or [None] * len(seeds or DEFAULT_SEEDS)
     labels = _labels(folders, seeds) if folders else tuple(seeds or DEFAULT_SEEDS)
@@ -173,12 +173,12 @@ def _manufactured(
         seed: _made(factory, model, seed=seed, model_dir=folder, records=records)
         for seed, folder in zip(labels, places, strict=True)
     }
-    return Candidate(next(iter(cells.values())).name, cells)
+    return FoundModel(next(iter(cells.values())).name, cells)
 
 
 def _trained(
     name: str, records: xr.Dataset, folders: Sequence[Path], seeds: Sequence[int] | None
-) -> Candidate:
+) -> FoundModel:
     """A baseline that was trained into folders, one a seed."""
     baseline = find_baseline(name)
     if not baseline.presets:
@@ -193,16 +193,16 @@ def _trained(
         if isinstance(seconds := _training(folder).get("seconds"), int | float)
     }
     places = dict(zip(labels, folders, strict=True))
-    return Candidate(name, cells, baseline, _training_data(folders, records), times, places)
+    return FoundModel(name, cells, baseline, _training_data(folders, records), times, places)
 
 
-def _closed_form(model: str, records: xr.Dataset, seeds: Sequence[int] | None) -> Candidate:
+def _closed_form(model: str, records: xr.Dataset, seeds: Sequence[int] | None) -> FoundModel:
     """A classical model: one cell for all seeds, which are of the noise."""
     order = component_order(tuple(map(str, records["component"].values)))
     labels = seeds or DEFAULT_SEEDS
     if model in MODELS:
         cell = MODELS[model](order=order)
-        return Candidate(
+        return FoundModel(
             model, dict.fromkeys(labels, cell), training_data="none: published parameters"
         )
     from granbench.models.parameter_file import cell_from_file
@@ -212,10 +212,10 @@ def _closed_form(model: str, records: xr.Dataset, seeds: Sequence[int] | None) -
     # `granbench fit` calls all of its files alike: its folders tell them apart.
     fitted = file.name == FITTED_FILE
     name = f"{cell.name}-{file.resolve().parent.name}" if fitted else file.stem
-    return Candidate(name, dict.fromkeys(labels, cell))
+    return FoundModel(name, dict.fromkeys(labels, cell))
 
 
-def _untrained(name: str, records: xr.Dataset, seeds: Sequence[int] | None) -> Candidate:
+def _untrained(name: str, records: xr.Dataset, seeds: Sequence[int] | None) -> FoundModel:
     """A baseline that needs no training: one cell for all seeds, which are of the noise."""
     baseline = find_baseline(name)
     if baseline.presets:
@@ -224,7 +224,7 @@ def _untrained(name: str, records: xr.Dataset, seeds: Sequence[int] | None) -> C
             f"{baseline.name} --out DIR` and give DIR"
         )
     cell = baseline.load(None, records)
-    return Candidate(name, dict.fromkeys(seeds or DEFAULT_SEEDS, cell), baseline)
+    return FoundModel(name, dict.fromkeys(seeds or DEFAULT_SEEDS, cell), baseline)
 
 
 def _architecture(folder: Path) -> str:

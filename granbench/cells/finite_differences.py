@@ -17,9 +17,7 @@ Step = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
 
 
 @torch.no_grad()
-def step_and_differences(
-    step: Step, dstrain: Tensor, state: Tensor
-) -> tuple[Tensor, Tensor, Tensor]:
+def step_and_tangent(step: Step, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Stress, state and one-sided differences, from one step of all points and shifted copies.
 
     Parameters

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from granbench.cells.contract import MaterialCell
-from granbench.element_test.stress_control import surviving
+from granbench.cells.robust_runs import robust_call
 
 WIDTHS = {torch.float64: (1e-5, 1e-6, 1e-7), torch.float32: (2e-4, 5e-5)}
 """Half widths of central differences, strain, by floating type."""
@@ -77,7 +77,7 @@ def _differences(
         shifts[components + component, 0, component] = -width
     tried = dstrain + shifts
     states = state.repeat(len(shifts), 1)
-    stress, *_ = surviving(cell.step, tried.flatten(0, 1), states)
+    stress, *_ = robust_call(cell.step, tried.flatten(0, 1), states)
     stress = stress.double().unflatten(0, (len(shifts), points))
     # What the floating type made of the width, not the width itself.
     moved = (tried - dstrain).double().sum(dim=2)[..., None]
