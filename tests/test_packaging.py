@@ -173,7 +173,7 @@ LAYERS = (
     ("models",),
     ("element_test.stress_control", "element_test.run"),
     ("cells", "cell"),
-    ("fem", "plotting.fem"),
+    ("fem", "plotting.fem", "plotting.problem"),
     ("benchmark", "plotting.predictions"),
     ("element_test", "laboratory"),
     ("fitting",),
@@ -212,3 +212,10 @@ def test_dependencies_point_one_way() -> None:
             continue
         for target in imported(file):
             assert layer(target) <= layer(module), f"{module} imports {target}"
+
+
+def test_finite_elements_and_models_draw_nothing() -> None:
+    for name, file in modules().items():
+        if name.startswith(("granbench/fem/", "granbench/models/")):
+            plots = {target for target in imported(file) if target.startswith("granbench.plotting")}
+            assert not plots, f"{name} imports {plots}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import ClassVar, Self
 
 import numpy as np
@@ -63,7 +63,9 @@ class Problem(abc.ABC):
     meshes : makers of its meshes by name
     default_mesh : a key of `meshes`
     b_bar : whether volumetric strains are averaged over elements
-    choices : names that a text choice of its own may have, by field
+    choices : allowed words of each field of its own that holds a word
+
+    Each field is a choice; its metadata say under `meaning` what it is, for the documentation.
 
     Raises
     ------
@@ -81,11 +83,21 @@ class Problem(abc.ABC):
     b_bar: ClassVar[bool] = False
     choices: ClassVar[Mapping[str, tuple[str, ...]]] = {}
 
-    cycles: str = "monotonic"
-    confinement: float | RandomConfinement | None = None
-    end_strain: float = 0.1
-    speed: float = 0.1
-    load_path: LoadingHistory | None = None
+    cycles: str = field(
+        default="monotonic",
+        metadata={"meaning": f"turning points: {', '.join(f'`{name}`' for name in CYCLES)}"},
+    )
+    confinement: float | RandomConfinement | None = field(
+        default=None, metadata={"meaning": "on free boundaries, Pa, or `random:V_C:SEED` (Eq 4.21)"}
+    )
+    end_strain: float = field(default=0.1, metadata={"meaning": "driving strain at the end"})
+    speed: float = field(default=0.1, metadata={"meaning": "of the drive, m/s"})
+    load_path: LoadingHistory | None = field(
+        default=None,
+        metadata={
+            "meaning": "CSV file of the drive, in place of `cycles`, `end_strain` and `speed`"
+        },
+    )
 
     def __post_init__(self) -> None:
         for name, known in {"cycles": tuple(CYCLES), **self.choices}.items():

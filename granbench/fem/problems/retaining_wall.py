@@ -23,7 +23,7 @@ displacement over the length of the soil.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import ClassVar
 
@@ -63,8 +63,8 @@ class RetainingWall(Problem):
     default_mesh: ClassVar[str] = "table-5.2"
     choices: ClassVar[Mapping[str, tuple[str, ...]]] = {"wall": ("smooth", "rough")}
 
-    wall: str = "smooth"
-    weight: bool = False
+    wall: str = field(default="smooth", metadata={"meaning": "smooth or rough"})
+    weight: bool = field(default=False, metadata={"meaning": "whether the soil has weight"})
     end_strain: float = 0.05
 
     @property
