@@ -15,9 +15,11 @@ from granbench.fem.iteration import ImplicitSettings
 from granbench.fem.loading import Loading, LoadingHistory, Pressure
 from granbench.fem.mesh import Floats, PlaneMesh
 from granbench.fem.mesh_file import is_mesh_file, read_mesh
+from granbench.fem.operators import ORDER
 from granbench.fem.problems.body import require_body, with_boundaries_of
 from granbench.fem.time_step import ExplicitSettings
 from granbench.paths.confining_pressure import RandomConfinement
+from granbench.tensors import normal_mask
 from granbench.units.plausible import LARGEST_STRESS, SMALLEST_STRESS
 
 CYCLES: Mapping[str, tuple[float, ...]] = {
@@ -150,7 +152,7 @@ class Problem(abc.ABC):
         positions : (point, direction), m
         density : kg/m3, of the weight
         """
-        return np.outer((1.0, 1.0, 0.0), np.full(len(positions), self.initial_pressure))
+        return np.outer(normal_mask(ORDER), np.full(len(positions), self.initial_pressure))
 
     def confined_for(self, cell: MaterialCell) -> Self:
         """The problem with the confinement that it has by default for a cell, if none is chosen."""

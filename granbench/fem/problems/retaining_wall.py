@@ -31,8 +31,10 @@ import numpy as np
 
 from granbench.fem.loading import Loading, Prescribed
 from granbench.fem.mesh import REACH, Floats, PlaneMesh
+from granbench.fem.operators import ORDER
 from granbench.fem.problems.problem import Problem
 from granbench.fem.structured import rectangle
+from granbench.tensors import normal_mask
 
 LENGTH, HEIGHT = 2.5, 1.0
 GRAVITY = 9.81
@@ -90,5 +92,6 @@ class RetainingWall(Problem):
         """See `Problem.initial_stress`."""
         stress = super().initial_stress(positions, density)
         if self.weight:
-            stress[:2] += density * GRAVITY * (HEIGHT - positions[:, 1])
+            weight = density * GRAVITY * (HEIGHT - positions[:, 1])
+            stress += np.outer(normal_mask(ORDER), weight)
         return stress
