@@ -13,11 +13,11 @@ import torch
 from granbench.cells.check import checked_cell, spread_rows
 from granbench.cells.contract import MaterialCell
 from granbench.errors import AnalysisError, ConfigurationError
+from granbench.fem.assembled_loading import AssembledLoading, assemble_loading
 from granbench.fem.explicit import OnStep, solve_explicit
 from granbench.fem.gauss_points import GaussPoints
 from granbench.fem.implicit import solve_implicit
-from granbench.fem.iteration import ImplicitSettings
-from granbench.fem.loading import AssembledLoading, assemble_loading
+from granbench.fem.implicit_settings import ImplicitSettings
 from granbench.fem.mesh import Floats, PlaneMesh
 from granbench.fem.operators import ORDER, Operators, build_operators
 from granbench.fem.problems import Problem, find_problem

@@ -12,7 +12,8 @@ from torch import Tensor
 from granbench.cells.contract import ModuleCell
 from granbench.errors import AnalysisError, ConfigurationError
 from granbench.fem import Analysis, ImplicitSettings, run
-from granbench.fem.iteration import SCHEMES, SINGLE_TOLERANCE, TOLERANCE
+from granbench.fem.implicit_settings import SINGLE_TOLERANCE, TOLERANCE
+from granbench.fem.iteration import SCHEMES
 from granbench.fem.problems.biaxial import Biaxial
 from granbench.models import MODELS
 

@@ -5,15 +5,9 @@ import pytest
 
 from granbench.errors import ConfigurationError
 from granbench.fem import rectangle
+from granbench.fem.assembled_loading import assemble_loading
 from granbench.fem.implicit import load_times
-from granbench.fem.loading import (
-    Loading,
-    LoadingHistory,
-    Prescribed,
-    Pressure,
-    Traction,
-    assemble_loading,
-)
+from granbench.fem.loading import Loading, LoadingHistory, Prescribed, Pressure, Traction
 from granbench.fem.operators import build_operators
 from granbench.fem.problems.biaxial import Biaxial
 from granbench.paths.confining_pressure import RandomConfinement

@@ -15,7 +15,7 @@ from granbench.fem import (
     find_problem,
     run,
 )
-from granbench.fem.loading import assemble_loading
+from granbench.fem.assembled_loading import assemble_loading
 from granbench.fem.operators import Operators, build_operators
 from granbench.fem.problems import chosen_from_text
 from granbench.fem.problems.dog_bone import GAUGE_WIDTH, HEIGHT, WIDTH, width_at

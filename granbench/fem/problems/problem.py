@@ -11,7 +11,7 @@ import numpy as np
 
 from granbench.cells.contract import MaterialCell
 from granbench.errors import ConfigurationError, alternatives
-from granbench.fem.iteration import ImplicitSettings
+from granbench.fem.implicit_settings import ImplicitSettings
 from granbench.fem.loading import Loading, LoadingHistory, Pressure
 from granbench.fem.mesh import Floats, PlaneMesh
 from granbench.fem.mesh_file import is_mesh_file, read_mesh
