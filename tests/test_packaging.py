@@ -178,7 +178,7 @@ LAYERS = (
     ("models",),
     ("cells.find",),
     ("element_test",),
-    ("fem", "plotting.fem"),
+    ("fem", "plotting.fem", "plotting.problem"),
     ("benchmark", "plotting.predictions"),
     ("laboratory",),
     ("fitting",),
@@ -217,3 +217,10 @@ def test_dependencies_point_one_way() -> None:
             continue
         for target in imported(file):
             assert layer(target) <= layer(module), f"{module} imports {target}"
+
+
+def test_finite_elements_and_models_draw_nothing() -> None:
+    for name, file in modules().items():
+        if name.startswith(("granbench/fem/", "granbench/models/")):
+            plots = {target for target in imported(file) if target.startswith("granbench.plotting")}
+            assert not plots, f"{name} imports {plots}"

@@ -35,9 +35,7 @@ IMPLICIT_ONLY = ("scheme",)
 def fem(
     problem: Annotated[
         str,
-        typer.Argument(
-            help="biaxial, retaining-wall, strip-footing, dog-bone or perforated-plate."
-        ),
+        typer.Argument(help="One of {problems}."),
     ],
     cell: Annotated[
         str,

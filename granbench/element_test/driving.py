@@ -18,11 +18,12 @@ from granbench.element_test.run import ElementTest, Failure, run_test
 from granbench.element_test.start import ModelChoice
 from granbench.errors import ConfigurationError
 from granbench.paths.answer_files import answer_records
-from granbench.paths.mixed_control import DIRECTIONS, MixedControl
+from granbench.paths.mixed_control import MixedControl
 from granbench.paths.programme import Floats, LoadingProgramme
 from granbench.paths.strain_files import STRAIN, STRESS, PathTable
 from granbench.tensors import (
     COMPONENT_ORDERS,
+    PRINCIPAL_DIRECTIONS,
     component_order,
     least_principal,
     mean_stress,
@@ -138,7 +139,7 @@ class Course:
         """
         control = MixedControl.of_programme(programme, history, order)
         driving = programme.driving_component or ""
-        component = DIRECTIONS[order].get(driving, driving) or None
+        component = PRINCIPAL_DIRECTIONS[order].get(driving, driving) or None
         family = programme.loading_family
         if table is not None:
             added = len(history) - len(table.values)

@@ -21,9 +21,9 @@ from granbench.errors import (
 )
 from granbench.fem.cell_failure import CellFailure, misanswered, raised
 from granbench.fem.mesh import Floats
+from granbench.fem.operators import ORDER
 from granbench.tensors import COMPONENT_ORDERS
 
-ORDER = "plane"
 COMPONENTS = len(COMPONENT_ORDERS[ORDER])
 
 

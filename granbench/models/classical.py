@@ -18,7 +18,7 @@ from granbench.models.arrays import Array, in_numpy, in_torch
 from granbench.models.components import TensorRows, tensor_rows
 from granbench.models.parameters import Constants, Parameter
 from granbench.models.substepping import Substepping
-from granbench.tensors import COMPONENT_ORDERS
+from granbench.tensors import COMPONENT_ORDERS, mean_stress
 
 OUT_OF_PLANE = "out_of_plane_stress"
 
@@ -222,7 +222,7 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
         stress = conditions.stress.to(self.dtype).T
         if OUT_OF_PLANE in self.layout:
             known = conditions.scalars.get(OUT_OF_PLANE)
-            zz = 0.5 * (stress[0] + stress[1]) if known is None else known.to(self.dtype)
+            zz = mean_stress(stress.T, self.order) if known is None else known.to(self.dtype)
             stress = torch.cat([stress, zz.unsqueeze(0)])
         if self.pressure_dependent:
             self._refuse_tension(self.rows.mean(stress))

@@ -1,58 +1,24 @@
-"""The boundary-value problems by name, and their choices from what a user writes."""
+"""A boundary-value problem with its choices as a user writes them: NAME=VALUE."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any
 
-from granbench.errors import ConfigurationError, alternatives
+from granbench.errors import ConfigurationError
 from granbench.fem.load_path_file import read_load_path
-from granbench.fem.problems.biaxial import Biaxial
-from granbench.fem.problems.dog_bone import DogBone
-from granbench.fem.problems.perforated_plate import PerforatedPlate
 from granbench.fem.problems.problem import Problem
-from granbench.fem.problems.retaining_wall import RetainingWall
-from granbench.fem.problems.strip_footing import StripFooting
+from granbench.fem.problems.registry import find_problem, problem_class
 from granbench.paths.confining_pressure import RandomConfinement
 from granbench.units.plausible import LARGEST_SEED
 from granbench.units.quantity_text import pressure_from_text, strain_from_text
 
-PROBLEMS: Mapping[str, type[Problem]] = {
-    kind.name: kind for kind in (Biaxial, RetainingWall, StripFooting, DogBone, PerforatedPlate)
-}
-
-TRUTH = {"true": True, "yes": True, "false": False, "no": False}
+YES_OR_NO = {"true": True, "yes": True, "false": False, "no": False}
 
 RANDOM = "random"
 
 DRIVE = ("cycles", "end_strain", "speed")
-"""Choices that a load path takes the place of."""
-
-
-def find_problem(name: str, **choices: Any) -> Problem:
-    """The problem `name`, with other choices than its default ones.
-
-    Parameters
-    ----------
-    name : a key of `PROBLEMS`
-    choices : fields of the problem
-
-    Raises
-    ------
-    ConfigurationError
-        If there is no such problem or choice, or a choice is out of range.
-    """
-    if name not in PROBLEMS:
-        raise ConfigurationError(f"unknown problem {name!r}: {alternatives(name, PROBLEMS)}")
-    kind = PROBLEMS[name]
-    known = [field.name for field in fields(kind)]
-    for choice in choices:
-        if choice not in known:
-            raise ConfigurationError(
-                f"{name} leaves no choice of {choice!r}; there is {', '.join(known)}"
-            )
-    return kind(**choices)
+"""Choices that a load path replaces."""
 
 
 def chosen_from_text(name: str, texts: Sequence[str]) -> Problem:
@@ -67,21 +33,22 @@ def chosen_from_text(name: str, texts: Sequence[str]) -> Problem:
     Raises
     ------
     ConfigurationError
-        As `find_problem`, or if a text is none of these or chooses again.
+        As `find_problem`, or if a text is not of this form or repeats a choice.
     """
-    find_problem(name)  # an unknown problem is said before its choices
-    defaults = {field.name: field.default for field in fields(PROBLEMS[name])}
+    defaults = {field.name: field.default for field in fields(problem_class(name))}
     choices: dict[str, object] = {}
     for text in texts:
         choice, sign, value = text.partition("=")
         if not (sign and choice.isidentifier()):
-            raise ConfigurationError(f"{text!r} is no choice; give NAME=VALUE, as cycles=cyclic")
+            raise ConfigurationError(
+                f"{text!r} is not a choice; write NAME=VALUE, such as cycles=cyclic"
+            )
         if choice in choices:
-            raise ConfigurationError(f"{choice} is chosen twice; leave one of them out")
+            raise ConfigurationError(f"{choice} is given twice; give it once")
         choices[choice] = _parsed(choice, value, defaults[choice]) if choice in defaults else value
-    if "load_path" in choices and (twice := [each for each in DRIVE if each in choices]):
+    if "load_path" in choices and (replaced := [each for each in DRIVE if each in choices]):
         raise ConfigurationError(
-            f"the load path says how the problem is driven; leave out {', '.join(twice)}"
+            f"load_path replaces {', '.join(replaced)}; give either the one or the other"
         )
     return find_problem(name, **choices)
 
@@ -91,9 +58,9 @@ def _parsed(choice: str, text: str, default: object) -> object:
     if isinstance(default, str):
         return text
     if isinstance(default, bool):
-        if text.lower() not in TRUTH:
-            raise ConfigurationError(f"{choice}={text}: give one of {', '.join(TRUTH)}")
-        return TRUTH[text.lower()]
+        if text.lower() not in YES_OR_NO:
+            raise ConfigurationError(f"{choice}={text}: write {', '.join(YES_OR_NO)}")
+        return YES_OR_NO[text.lower()]
     if choice == "load_path":
         return read_load_path(text)
     if choice == "confinement" and text.startswith(RANDOM):
