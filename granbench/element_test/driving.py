@@ -19,8 +19,9 @@ from granbench.element_test.start import ModelChoice
 from granbench.errors import ConfigurationError
 from granbench.paths.answer_files import answer_records
 from granbench.paths.mixed_control import MixedControl
+from granbench.paths.path_columns import STRAIN, STRESS
 from granbench.paths.programme import Floats, LoadingProgramme
-from granbench.paths.strain_files import STRAIN, STRESS, PathTable
+from granbench.paths.strain_files import PathTable
 from granbench.tensors import (
     COMPONENT_ORDERS,
     PRINCIPAL_DIRECTIONS,

@@ -24,8 +24,8 @@ from granbench.cells.contract import Conditions
 from granbench.element_test.run import run_test
 from granbench.element_test.stress_control import IterationLimits
 from granbench.fitting.cell_of_each_point import CellOfEachPoint
-from granbench.fitting.observations import TestBatch
 from granbench.fitting.parameter_space import ParameterSpace, with_parameters
+from granbench.fitting.test_batch import TestBatch
 from granbench.models import ClassicalCell
 
 HELD_TOLERANCE = 3e-4

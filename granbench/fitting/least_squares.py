@@ -8,7 +8,6 @@ import torch
 from torch import Tensor
 
 from granbench.errors import ModelError
-from granbench.fitting.observations import TestBatch
 from granbench.fitting.parameter_space import ParameterSpace, with_parameters
 from granbench.fitting.rollouts import (
     Prediction,
@@ -16,6 +15,7 @@ from granbench.fitting.rollouts import (
     predict,
     sensitivity,
 )
+from granbench.fitting.test_batch import TestBatch
 
 LARGE = 1.0
 """Error, in ranges of the quantity, above which only its logarithm grows."""
@@ -56,7 +56,7 @@ class Evaluation:
 
 
 @dataclass(frozen=True)
-class Problem:
+class LeastSquares:
     """Tests and the parameters that are to answer them.
 
     Parameters
