@@ -10,7 +10,7 @@ import xarray as xr
 
 from granbench import __version__
 from granbench.benchmark.axes.embedded.posed import posed, stiffest_at
-from granbench.fem.statement import EMBEDDED_ANALYSES, stated
+from granbench.fem.statement import EMBEDDED_ANALYSES, as_attribute
 from granbench.generators.classical.dataset import CONVENTIONS
 from granbench.generators.classical.recorded import KEEP_BITS, rounding_attributes
 from granbench.generators.fem.design import (
@@ -127,7 +127,7 @@ def _attributes(
         "engine_version": __version__,
         "configuration": json.dumps(configuration, sort_keys=True),
         "ground_truth": json.dumps(ground_truth, sort_keys=True),
-        EMBEDDED_ANALYSES: stated(embedded_of(plans, preset, modulus)),
+        EMBEDDED_ANALYSES: as_attribute(embedded_of(plans, preset, modulus)),
         "conventions": CONVENTIONS,
         "rounding": ROUNDING,
         "thinning": THINNING,

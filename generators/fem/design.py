@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 
 from granbench.errors import RegistryError
-from granbench.fem.statement import SOLVERS, EmbeddedAnalysis, PosedProblem
+from granbench.fem.statement import SOLVERS, EmbeddedAnalysis, ProblemStatement
 from granbench.generators.ground_truth import ModelTruth
 
 THESIS_SECTION = "5.3"
@@ -51,7 +51,7 @@ GROUND_TRUTHS: Mapping[str, GroundTruth] = {
 }
 
 
-class AnalysisPlan(PosedProblem):
+class AnalysisPlan(ProblemStatement):
     """One analysis of a dataset.
 
     Parameters

@@ -6,12 +6,12 @@ import torch
 
 from granbench.cells.contract import Conditions
 from granbench.fem import Problem, find_problem
-from granbench.fem.statement import PosedProblem
+from granbench.fem.statement import ProblemStatement
 from granbench.models.classical import ClassicalCell
 from granbench.paths.confining_pressure import RandomConfinement
 
 
-def posed(stated: PosedProblem) -> Problem:
+def posed(stated: ProblemStatement) -> Problem:
     """The problem with its choices made.
 
     Raises
