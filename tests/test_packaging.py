@@ -90,6 +90,7 @@ def test_wheel_holds_what_the_package_reads(wheel: zipfile.ZipFile) -> None:
     expected = {"granbench/py.typed", "granbench/leaderboard/submission.schema.json"}
     for folder, pattern in (
         ("granbench/data/registry", "*.yaml"),
+        ("granbench/data/registry/tasks", "*.yaml"),
         ("granbench/data/mini", "*.nc"),
         ("leaderboard/site", "*.*"),
     ):

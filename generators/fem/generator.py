@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from granbench import __version__
 from granbench.fem.build import build_problem
-from granbench.fem.statement import EMBEDDED_ANALYSES, stated
+from granbench.fem.statement import EMBEDDED_ANALYSES, as_attribute
 from granbench.generators.assembly import Assembled, read_arrays
 from granbench.generators.campaign import Job
 from granbench.generators.fem.design import DATASETS, PRESETS, FemDataset, FemPreset
@@ -91,7 +91,7 @@ def assemble(
         },
         attributes={
             GROUND_TRUTH: described(cell),
-            EMBEDDED_ANALYSES: stated(embedded_analyses_of(plans, preset, modulus)),
+            EMBEDDED_ANALYSES: as_attribute(embedded_analyses_of(plans, preset, modulus)),
             "conventions": PLANE_STRAIN_CONVENTIONS,
             "rounding": ROUNDING,
             "thinning": THINNING,

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from granbench.fem.statement import SOLVERS, EmbeddedAnalysis, PosedProblem
+from granbench.fem.statement import SOLVERS, EmbeddedAnalysis, ProblemStatement
 from granbench.generators.fem.design import FemDataset, FemPreset
 
 DEVIATION = 0.2
@@ -21,7 +21,7 @@ SEED_SPACING = 1000
 """Difference between the seeds of random confining pressures of two successive dataset seeds."""
 
 
-class AnalysisPlan(PosedProblem):
+class AnalysisPlan(ProblemStatement):
     """One analysis of a dataset.
 
     Parameters

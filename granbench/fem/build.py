@@ -3,11 +3,11 @@
 from typing import Any
 
 from granbench.fem import Problem, find_problem
-from granbench.fem.statement import PosedProblem
+from granbench.fem.statement import ProblemStatement
 from granbench.paths.confining_pressure import RandomConfinement
 
 
-def build_problem(stated: PosedProblem) -> Problem:
+def build_problem(stated: ProblemStatement) -> Problem:
     """The problem with its choices made.
 
     Parameters

@@ -1,12 +1,12 @@
 """The embedded axis: a model in place of the ground truth, in boundary-value problems.
 
-Each analysis that the dataset states is made with the model and, in the same way, with the ground
+Each analysis of the task is made with the model and, in the same way, with the ground
 truth: the same mesh, loading, output steps and explicit time step, which follows from the ground
 truth's stiffness. `granbench.benchmark.axes.embedded.scores` compares the two.
 """
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -27,7 +27,6 @@ from granbench.fem.statement import (
     READS_RECORDS,
     SOLVERS,
     EmbeddedAnalysis,
-    embedded_analyses,
     spread_points,
 )
 from granbench.models.classical import ClassicalCell
@@ -58,15 +57,23 @@ REPEATS, PATIENCE = 3, 2.0
 """How often an analysis is made for its time, unless the runs take longer than this, CPU s."""
 
 
-def embedded_obstacle(dataset: xr.Dataset, cells: Iterable[MaterialCell]) -> str | None:
-    """Why the axis does not apply to a dataset and a model's cells, or None.
+def embedded_obstacle(
+    dataset: xr.Dataset, analyses: Sequence[EmbeddedAnalysis], cells: Iterable[MaterialCell]
+) -> str | None:
+    """Why the axis does not apply to a task and a model's cells, or None.
+
+    Parameters
+    ----------
+    dataset : the scored records, with the ground truth of the task
+    analyses : of the task
+    cells : of the model
 
     Raises
     ------
     DatasetError
-        If the dataset states analyses, but no ground truth.
+        If the task has analyses, but no ground truth.
     """
-    if not embedded_analyses(dataset):
+    if not analyses:
         return "this task has no boundary-value problem with a ground-truth cell"
     if tuple(map(str, dataset["component"].values)) != COMPONENT_ORDERS[ORDER]:
         return NOT_IN_THE_PLANE
@@ -76,9 +83,11 @@ def embedded_obstacle(dataset: xr.Dataset, cells: Iterable[MaterialCell]) -> str
     return None
 
 
-def analysis_start(cell: MaterialCell, dataset: xr.Dataset) -> Conditions:
-    """What is known of a few Gauss points where the first analysis of a dataset begins."""
-    pressure = embedded_analyses(dataset)[0].confinement
+def analysis_start(
+    cell: MaterialCell, dataset: xr.Dataset, analyses: Sequence[EmbeddedAnalysis]
+) -> Conditions:
+    """What is known of a few Gauss points where the first analysis of a task begins."""
+    pressure = analyses[0].confinement
     scalars = {"initial_mean_stress": pressure, **internals_at_start(_truth(dataset), pressure)}
     stress = torch.tensor([[pressure, pressure, 0.0]] * POINTS, dtype=cell.dtype)
     known = {
@@ -87,13 +96,16 @@ def analysis_start(cell: MaterialCell, dataset: xr.Dataset) -> Conditions:
     return Conditions(stress, known)
 
 
-def embedded(cell: MaterialCell, dataset: xr.Dataset) -> xr.Dataset:
-    """Every analysis that a dataset states, with a model.
+def embedded(
+    cell: MaterialCell, dataset: xr.Dataset, analyses: Sequence[EmbeddedAnalysis]
+) -> xr.Dataset:
+    """Every analysis of a task, with a model.
 
     Parameters
     ----------
     cell : the model, in plane components
-    dataset : whose `embedded_analyses` are made
+    dataset : the records, with the ground truth of the task
+    analyses : of the task
 
     Returns
     -------
@@ -102,10 +114,10 @@ def embedded(cell: MaterialCell, dataset: xr.Dataset) -> xr.Dataset:
     NaN from where an analysis failed; `embedded_seconds` and `embedded_cell_seconds`, CPU time of
     the fastest run; and `failure`, why it ended early, "" where it did not
     """
-    return _every_analysis(cell, dataset, "embedded_")
+    return _every_analysis(cell, dataset, analyses, "embedded_")
 
 
-def embedded_truth(dataset: xr.Dataset) -> xr.Dataset:
+def embedded_truth(dataset: xr.Dataset, analyses: Sequence[EmbeddedAnalysis]) -> xr.Dataset:
     """As `embedded`, with the ground truth itself; the names begin with `embedded_truth_`.
 
     Raises
@@ -113,7 +125,7 @@ def embedded_truth(dataset: xr.Dataset) -> xr.Dataset:
     DatasetError
         If no model made the records.
     """
-    found = _every_analysis(_truth(dataset), dataset, "embedded_truth_")
+    found = _every_analysis(_truth(dataset), dataset, analyses, "embedded_truth_")
     return found.drop_vars("failure")
 
 
@@ -124,8 +136,10 @@ def _truth(dataset: xr.Dataset) -> ClassicalCell:
     return truth
 
 
-def _every_analysis(cell: MaterialCell, dataset: xr.Dataset, prefix: str) -> xr.Dataset:
-    truth, analyses = _truth(dataset), embedded_analyses(dataset)
+def _every_analysis(
+    cell: MaterialCell, dataset: xr.Dataset, analyses: Sequence[EmbeddedAnalysis], prefix: str
+) -> xr.Dataset:
+    truth = _truth(dataset)
     with _one_thread():
         _warm_up(cell, analyses[0], truth)
         by_solver = [
