@@ -1,12 +1,11 @@
 """Reference models: what each offers, and how they are found by name.
 
 A package registers a model under the entry-point group `granbench.baselines`; this module
-knows none of them. What else a user may name as a model is known to `granbench.cells.find`.
+holds no list of them. `granbench.cells.find` finds every kind of model that a user may name.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Protocol
 
@@ -14,6 +13,7 @@ import xarray as xr
 
 from granbench.cells.contract import MaterialCell
 from granbench.errors import ModelError, alternatives
+from granbench.registration import Registry
 
 ENTRY_POINTS = "granbench.baselines"
 DESCRIPTION_FILE = "model.json"
@@ -50,9 +50,9 @@ class TrainingRequest:
 
     Parameters
     ----------
-    records : the whole dataset; training and validation splits are chosen by the baseline
-    out : folder of the run; one that was begun is continued
-    seed : of the first weights and of the order of the items
+    records : the whole dataset; the baseline chooses the training and validation splits from it
+    out : folder of the run; a run that was begun there is continued
+    seed : of the first weights and of the order of the training items
     preset : a name in `Baseline.presets`; the first of them where None
     epochs : in place of the preset's
     seconds : of training over all sessions; None for no limit
@@ -79,7 +79,8 @@ class Baseline(Protocol):
     title : for people
     presets : names of its training settings, the default first; empty where nothing is trained
 
-    One with a true attribute `floor` frames the tables of the board, and is not ranked.
+    One with a true attribute `floor` is a reference line in the tables of the board and is not
+    ranked.
     """
 
     @property
@@ -120,20 +121,23 @@ class Baseline(Protocol):
         """
 
 
+BASELINES: Registry[Baseline] = Registry(ENTRY_POINTS, "baseline")
+"""Every registered reference model."""
+
+
 def baseline_names() -> list[str]:
-    """Names of the registered models, sorted."""
-    return sorted({point.name for point in entry_points(group=ENTRY_POINTS)})
+    """Names of the registered reference models, sorted."""
+    return list(BASELINES)
 
 
 def find_baseline(name: str) -> Baseline:
-    """The registered model `name`.
+    """The registered reference model `name`.
 
     Raises
     ------
     ModelError
         If there is none of this name.
     """
-    for point in entry_points(group=ENTRY_POINTS):
-        if point.name == name:
-            return point.load()
-    raise ModelError(f"unknown baseline {name!r}: {alternatives(name, baseline_names())}")
+    if name in BASELINES:
+        return BASELINES[name]
+    raise ModelError(f"unknown baseline {name!r}: {alternatives(name, BASELINES)}")

@@ -8,7 +8,7 @@ import xarray as xr
 from granbench.baselines.mlstm import BASELINE as MLSTM
 from granbench.baselines.recurrent_network import RecurrentConfiguration
 from granbench.baselines.training.model_files import ModelDescription, write_model
-from granbench.cells.find import DEFAULT_SEEDS, find_cells
+from granbench.cells.find import DEFAULT_SEEDS, UntrainedBaselineError, find_cells
 from granbench.errors import ConfigurationError, ModelError
 
 FACTORY = """
@@ -87,9 +87,9 @@ def test_folder_of_several_seeds_names_those_that_can_be_given(
 
 def test_folders_are_for_what_is_trained(records: xr.Dataset, tmp_path: Path) -> None:
     folder = trained_model(tmp_path / "run", seed=0)
-    with pytest.raises(ConfigurationError, match="needs no training; leave out --model-dir"):
+    with pytest.raises(ConfigurationError, match="'persistence'"):
         find_cells("persistence", records, folders=[folder])
-    with pytest.raises(ModelError, match="run `granbench train mlstm --out DIR`"):
+    with pytest.raises(UntrainedBaselineError, match="'mlstm'"):
         find_cells("mlstm", records)
     with pytest.raises(ModelError, match="unknown baseline"):
         find_cells(str(folder), records, folders=[folder])
