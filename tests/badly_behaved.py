@@ -170,7 +170,7 @@ MEMORIES = {
     CountsCalls: "module.calls",
     CountsInABuffer: "module.count",
     KeepsHidden: "module.hidden",
-    RemembersGlobally: "COUNTS.calls",
+    RemembersGlobally: "module.COUNTS.calls",
     RemembersInItsClass: "module.seen",
 }
 """Modules with a memory outside of the state, and where it is."""
