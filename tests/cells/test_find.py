@@ -1,4 +1,4 @@
-"""The one way from a model's name to its cells: each kind of name, and which of them goes first."""
+"""From a model's name to its cells: each kind of name, and which of them goes first."""
 
 from pathlib import Path
 

@@ -2,7 +2,7 @@
 
 import pytest
 import torch
-from driven_cells import Timid
+from driven_cells import Limited
 from small_cells import Fragile
 
 from granbench.cells.contract import Conditions, History
@@ -60,7 +60,7 @@ def test_states_of_a_record_are_nan_from_the_failure_on(strain, start) -> None:
 
 @pytest.mark.parametrize("failing", [(), (0,), (2, 3), (0, 1, 2, 3, 4)])
 def test_a_point_that_raises_leaves_the_others_as_they_are(failing, start) -> None:
-    cell = Timid(largest_increment=1e-3, raises=True)
+    cell = Limited(largest_increment=1e-3, raises=True)
     state = cell.initial_state(start)
     dstrain = torch.full((5, 3), 1e-4, dtype=torch.float64)
     dstrain[list(failing)] = 1e-2
