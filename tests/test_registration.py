@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from granbench.cells.find import find_cells
-from granbench.errors import ModelError
+from granbench.errors import ModelError, SubmissionError
+from granbench.leaderboard.model_files import require_data_only
 from granbench.models import MODELS
 from granbench.models.j2 import J2
 
@@ -43,6 +44,8 @@ def test_a_model_of_another_package_is_found_by_its_name(plug_in) -> None:
     assert found.name == found.cell.name == "plug-in-clay"
     assert found.cell.order == "principal"
     assert not MODELS.own("plug-in-clay")
+    with pytest.raises(SubmissionError, match="plug-in-clay"):
+        require_data_only(found)  # a rerun of a submission runs GranBench's own code alone
 
 
 def test_a_model_of_granbench_goes_before_another_of_its_name(plug_in) -> None:
