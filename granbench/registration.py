@@ -58,7 +58,7 @@ class Registry(Mapping[str, Registered], Generic[Registered]):
     def _loaded(self, point: EntryPoint) -> Any:
         try:
             return point.load()
-        except Exception as error:  # code of another package, which may fail in any way
+        except (Exception, SystemExit) as error:  # code of another package
             package = point.dist.name if point.dist is not None else point.module
             raise ModelError(
                 f"{self.kind} {point.name!r}, which the package {package} registers as "

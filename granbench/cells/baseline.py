@@ -17,19 +17,19 @@ from granbench.registration import Registry
 
 ENTRY_POINTS = "granbench.baselines"
 DESCRIPTION_FILE = "model.json"
-"""In the folder of every trained model; its key `baseline` names the architecture."""
+"""File in the folder of every trained model; its key `baseline` names the architecture."""
 
 
 @dataclass(frozen=True)
 class EpochReport:
-    """What one epoch of a training run did.
+    """The results of one epoch of a training run.
 
     Parameters
     ----------
     epoch : number of epochs done
     seconds : of training so far, over all sessions of the run
-    training_loss : mean over the epoch's batches, while the weights moved
-    validation_loss : of the weights at the epoch's end
+    training_loss : mean over the epoch's batches, whose weights change from one to the next
+    validation_loss : of the weights at the end of the epoch
     best_loss : lowest validation loss so far
     learning_rate : of this epoch
     progress : share of the run that is over, in [0, 1]
@@ -46,7 +46,7 @@ class EpochReport:
 
 @dataclass(frozen=True)
 class TrainingRequest:
-    """What to train on, where the run lives, and when it ends.
+    """What to train on, the folder of the run, and when it ends.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class TrainingRequest:
     out : folder of the run; a run that was begun there is continued
     seed : of the first weights and of the order of the training items
     preset : a name in `Baseline.presets`; the first of them where None
-    epochs : in place of the preset's
+    epochs : how many at most, in place of the preset's
     seconds : of training over all sessions; None for no limit
     device : of torch, such as `cpu` or `cuda`
     on_epoch : called after every epoch

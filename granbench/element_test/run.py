@@ -119,7 +119,7 @@ def run_test(
     if cell.order != control.order:
         raise ConfigurationError(
             f"{cell.name} has {cell.order} components, but the test is in {control.order} ones; "
-            "make both in the same order"
+            f"make the cell with order={control.order!r}, or the test in {cell.order} components"
         )
     if tolerance is None:
         tolerance = max(LEAST_TOLERANCE, ROUNDINGS * torch.finfo(cell.dtype).eps)
@@ -163,12 +163,12 @@ class _RunningTest:
         self.state = state
         self.stress = state[:, cell.layout["stress"]].double()
         self.scale = self.stress.abs().amax(dim=1)
-        self.followed = torch.zeros(points, controls, dtype=torch.float64)
-        self.alive = torch.ones(points, dtype=torch.bool)
+        self.free_strain = torch.zeros(points, controls, dtype=torch.float64)
+        self.active = torch.ones(points, dtype=torch.bool)
         self.failures: list[Failure] = []
         # The prescribed and the free strains of the last increment.
         self.last_driven = torch.zeros_like(self.driven[:, 0])
-        self.last_free = torch.zeros_like(self.followed)
+        self.last_free = torch.zeros_like(self.free_strain)
         self.rows: list[Tensor] = []
         zero = torch.zeros(points, dtype=torch.float64)
         self._record(0, zero, zero)
@@ -176,18 +176,18 @@ class _RunningTest:
     def advance(self, step: int) -> None:
         """Take every point that has not failed to the next step."""
         change = self.driven[:, step] - self.driven[:, step - 1]
-        change = torch.where(self.alive[:, None], change, 0.0)
-        if self.followed.shape[1] == 0:
+        change = torch.where(self.active[:, None], change, 0.0)
+        if self.free_strain.shape[1] == 0:
             stress, after, *_ = robust_call(self.cell.step, change.to(self.cell.dtype), self.state)
-            done = self.alive & finite_points(stress) & finite_points(after)
+            done = self.active & finite_points(stress) & finite_points(after)
             self._accept(done, stress, after)
             error = torch.where(done, 0.0, torch.nan).double()
             increments = torch.ones_like(error)
         else:
             error, increments, done = self._mixed(change, self.targets[:, step])
-        for point in torch.nonzero(self.alive & ~done).flatten().tolist():
+        for point in torch.nonzero(self.active & ~done).flatten().tolist():
             self.failures.append(Failure(point, step, float(error[point])))
-        self.alive = done
+        self.active = done
         self._record(step, error, increments)
 
     def _mixed(self, change: Tensor, target: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -198,22 +198,23 @@ class _RunningTest:
         reached = torch.zeros(len(change), dtype=torch.float64)
         share = torch.ones_like(reached)
         error, increments = torch.zeros_like(reached), torch.zeros_like(reached)
-        open_ = self.alive
+        unfinished = self.active
         limits, failed_calls = self.control.limits, torch.zeros(len(change), dtype=torch.int64)
         guess = self._extrapolated(change)
-        while open_.any():
-            part = torch.where(open_, share, 0.0)[:, None]
+        while unfinished.any():
+            part = torch.where(unfinished, share, 0.0)[:, None]
             wanted = begin + (reached[:, None] + part) * (target - begin)
             trial, failed = self.control.solve(
-                self.state, part * change, wanted, part * guess, open_, self.scale
+                self.state, part * change, wanted, part * guess, unfinished, self.scale
             )
             failed_calls = failed_calls + failed
-            met = open_ & (trial.error <= self.control.tolerance)
+            met = unfinished & (trial.error <= self.control.tolerance)
             self._accept(met, trial.stress, trial.state)
-            self.followed = torch.where(met[:, None], self.followed + trial.x, self.followed)
+            strain = self.free_strain + trial.x
+            self.free_strain = torch.where(met[:, None], strain, self.free_strain)
             self.last_free = torch.where(met[:, None], trial.x, self.last_free)
             self.last_driven = torch.where(met[:, None], part * change, self.last_driven)
-            error = torch.where(open_, trial.error, error)
+            error = torch.where(unfinished, trial.error, error)
             increments = increments + met
             reached = torch.where(met, reached + share, reached)
             # A failed increment is repeated without its first guess before it is divided.
@@ -223,11 +224,11 @@ class _RunningTest:
             guess = torch.where(met[:, None], self._extrapolated(change), 0.0)
             may_retry = share >= limits.smallest_share
             may_retry = may_retry & (failed_calls < limits.failed_calls)
-            open_ = open_ & (reached < 1.0) & (met | may_retry)
+            unfinished = unfinished & (reached < 1.0) & (met | may_retry)
         left = (target - self.control.combined(self.stress)).abs().amax(dim=1)
         left = left / torch.where(self.scale > 0.0, self.scale, 1.0)
         error = torch.where(error.isfinite(), torch.maximum(error, left), torch.nan)
-        return error, increments, self.alive & (reached == 1.0)
+        return error, increments, self.active & (reached == 1.0)
 
     def _extrapolated(self, change: Tensor) -> Tensor:
         """Free strains of the last increment, in proportion to the prescribed strain along it."""
@@ -244,12 +245,12 @@ class _RunningTest:
         self.scale = torch.where(done, largest, self.scale)
 
     def _record(self, step: int, error: Tensor, increments: Tensor) -> None:
-        strain = self.driven[:, step] + self.control.freed(self.followed)
+        strain = self.driven[:, step] + self.control.freed(self.free_strain)
         internals = [self.state[:, self.cell.layout[name]] for name in self.cell.internals]
         row = torch.cat(
             [strain, self.stress, error[:, None], increments[:, None], *internals], dim=1
         )
-        self.rows.append(torch.where(self.alive[:, None], row, torch.nan))
+        self.rows.append(torch.where(self.active[:, None], row, torch.nan))
 
     def result(self) -> ElementTest:
         """The records so far."""
