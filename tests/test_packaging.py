@@ -129,9 +129,10 @@ def test_the_data_wheel_holds_every_reference_dataset(tmp_path: Path) -> None:
     assert registered == files
 
 
-def test_every_baseline_that_is_registered_can_be_loaded() -> None:
-    names = set(PROJECT["project"]["entry-points"]["granbench.baselines"])
-    points = entry_points(group="granbench.baselines")
+@pytest.mark.parametrize("group", ["granbench.baselines", "granbench.models"])
+def test_everything_that_is_registered_can_be_loaded_under_its_own_name(group: str) -> None:
+    names = set(PROJECT["project"]["entry-points"][group])
+    points = entry_points(group=group)
     assert names <= {point.name for point in points}
     for point in points:
         if point.name in names:
@@ -170,7 +171,7 @@ def test_no_two_test_files_share_a_name() -> None:
 
 
 LAYERS = (
-    ("errors", "tensors"),
+    ("errors", "tensors", "registration"),
     ("files", "units", "records.turning_points"),
     ("cells", "cell"),
     ("records",),

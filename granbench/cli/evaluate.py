@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from granbench.cli.model_options import evaluated_model
 from granbench.cli.options import (
     default_task,
     listed_seeds,
@@ -103,7 +104,6 @@ def evaluate(
     from granbench.benchmark.evaluation import predict, progress_parts
     from granbench.benchmark.predictions import CELL_NOTES, evaluated
     from granbench.benchmark.protocols import AXES, chosen_axes
-    from granbench.cells.find import find_cells
     from granbench.cli.score_tables import tables
     from granbench.data.verification import task_file
     from granbench.leaderboard.composition import check_target, compose
@@ -127,13 +127,13 @@ def evaluate(
     require_one_of("--role", role or ROLES[0], ROLES)
     others = [read_submission(path) for path in against or ()]
     with open_records(task_file(task)) as records:
-        candidate = find_cells(model, records, folders=model_dir or (), seeds=numbers)
+        candidate = evaluated_model(model, records, model_dir or (), numbers)
         kept = candidate if keep == "model" else None
         if kept is not None:
             require_data_only(kept)  # before minutes of work
         about = About.checked(
             name=name or candidate.name,
-            title=title or getattr(candidate.baseline, "title", None),
+            title=title or candidate.title,
             authors=_authors(authors, candidate),
             code=code,
             role=role or ("floor" if candidate.floor else "model"),
