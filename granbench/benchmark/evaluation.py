@@ -1,7 +1,7 @@
 """Every protocol of the chosen axes, for every seed of a model."""
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from typing import TypeVar
@@ -37,13 +37,15 @@ from granbench.benchmark.protocols import (
     chosen_axes,
     protocols_of,
 )
-from granbench.benchmark.surviving import Series
+from granbench.benchmark.task import Task, with_ground_truth
 from granbench.cells.check import CellCheck, checked_cell, spread_rows
-from granbench.cells.contents import changed, snapshot
+from granbench.cells.check.snapshot import changed, snapshot
 from granbench.cells.contract import Conditions, MaterialCell
+from granbench.cells.robust_runs import Series
 from granbench.cells.user_code import user_code
 from granbench.data.adapters import conditions_of
 from granbench.errors import ConfigurationError, DatasetError, ModelError
+from granbench.fem.statement import EmbeddedAnalysis
 from granbench.models.ground_truth import ground_truth_cell
 from granbench.tensors import COMPONENT_ORDERS, frobenius_norm
 
@@ -56,6 +58,7 @@ def predict(
     dataset: xr.Dataset,
     axes: Iterable[str] = AXES,
     *,
+    task: Task | None = None,
     attrs: Mapping[str, str] | None = None,
     training_seconds: Mapping[int, float] | None = None,
     progress: Progress | None = None,
@@ -67,6 +70,8 @@ def predict(
     cells : the model's cell for each seed; the seed also drives the noise
     dataset : the records to predict, all of its paths
     axes : which of `granbench.benchmark.protocols.AXES`
+    task : gives the embedded analyses and the ground truth; None for the records alone, which have
+        no analyses
     attrs : further attributes of the result, such as `command`
     training_seconds : how long each seed was trained, where that is known
     progress : called after each part with the seed and what was done
@@ -82,6 +87,8 @@ def predict(
         If the dataset names a ground truth that cannot be rebuilt.
     """
     chosen = chosen_axes(axes)
+    dataset = with_ground_truth(dataset, task)
+    analyses = () if task is None else task.analyses
     if not cells:
         raise ConfigurationError("there is nothing to evaluate: give at least one seed")
     for cell in cells.values():
@@ -89,7 +96,7 @@ def predict(
     report = progress or (lambda seed, done: None)
     reads = any(cell.reads_records for cell in cells.values())
     with torch.no_grad(), ExitStack() as checks:
-        passed = _checked(cells, dataset, chosen, checks)
+        passed = _checked(cells, dataset, analyses, chosen, checks)
         notes = [note for check in passed.values() for note in check.notes]
         predicted = _predicted(cells, dataset, chosen, report)
         if _same_model(passed, predicted, chosen) and len(set(map(id, cells.values()))) > 1:
@@ -102,7 +109,7 @@ def predict(
         if "noise" in chosen and not reads:
             others += _noised_truth(cells, dataset)
         if EMBEDDED in chosen:
-            others.append(_embedded(cells, dataset, report))
+            others.append(_embedded(cells, dataset, analyses, report))
         if PHYSICS in chosen:
             others.append(_for_each(cells, PHYSICS, lambda cell: physics(cell, dataset), report))
         if COST in chosen:
@@ -123,17 +130,24 @@ def predict(
 
 
 def _checked(
-    cells: Mapping[int, MaterialCell], dataset: xr.Dataset, axes: Iterable[str], checks: ExitStack
+    cells: Mapping[int, MaterialCell],
+    dataset: xr.Dataset,
+    analyses: Sequence[EmbeddedAnalysis],
+    axes: Iterable[str],
+    checks: ExitStack,
 ) -> dict[int, CellCheck]:
     """The check of each seed's cell, which lasts as long as `checks`.
 
     Cells start as the records do or, where only analyses are made, as those do.
     """
-    of_analyses = set(axes) == {EMBEDDED} and not embedded_obstacle(dataset, cells.values())
+    of_analyses = set(axes) == {EMBEDDED} and not embedded_obstacle(
+        dataset, analyses, cells.values()
+    )
     passed: dict[int, CellCheck] = {}
     for cell in cells.values():
         if id(cell) not in passed:
-            probe = (analysis_start(cell, dataset),) if of_analyses else _probe(cell, dataset)
+            starts = (analysis_start(cell, dataset, analyses),) if of_analyses else ()
+            probe = starts or _probe(cell, dataset)
             passed[id(cell)] = checks.enter_context(checked_cell(cell, *probe))
     return {seed: passed[id(cell)] for seed, cell in cells.items()}
 
@@ -277,16 +291,20 @@ def _noised_truth(cells: Mapping[int, MaterialCell], dataset: xr.Dataset) -> lis
 
 
 def _embedded(
-    cells: Mapping[int, MaterialCell], dataset: xr.Dataset, report: Progress
+    cells: Mapping[int, MaterialCell],
+    dataset: xr.Dataset,
+    analyses: Sequence[EmbeddedAnalysis],
+    report: Progress,
 ) -> xr.Dataset:
     """The responses of boundary-value problems, or why there are none."""
-    obstacle = embedded_obstacle(dataset, cells.values())
+    obstacle = embedded_obstacle(dataset, analyses, cells.values())
     if obstacle:
         return xr.Dataset(attrs={EMBEDDED_OBSTACLE: obstacle})
-    found = _for_each(cells, EMBEDDED, lambda cell: embedded(cell, dataset), report)
+    found = _for_each(cells, EMBEDDED, lambda cell: embedded(cell, dataset, analyses), report)
     failures = found["failure"].assign_coords(seed=list(cells)).to_series()
     reasons = {"/".join(map(str, place)): text for place, text in failures.items() if text}
-    return xr.merge([found.drop_vars("failure"), embedded_truth(dataset)]).assign_attrs(
+    truth = embedded_truth(dataset, analyses)
+    return xr.merge([found.drop_vars("failure"), truth]).assign_attrs(
         {EMBEDDED_OBSTACLE: "", EMBEDDED_FAILURES: json.dumps(reasons, sort_keys=True)}
     )
 

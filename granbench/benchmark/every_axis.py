@@ -14,6 +14,7 @@ from granbench.benchmark.protocols import EMBEDDED
 from granbench.benchmark.reduction import split_order
 from granbench.benchmark.scorecard import ALL, Scales, Score, Scorecard, rounded
 from granbench.benchmark.statistics import align, path_statistics
+from granbench.benchmark.task import Task, with_ground_truth
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
 from granbench.records.schema import GROUND_TRUTH
@@ -23,7 +24,12 @@ NO_TRUTH = "this task has no ground-truth cell"
 READS_RECORDS = "the model reads its answers from the records, which have none for noised strain"
 
 
-def score(predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation) -> Scorecard:
+def score(
+    predictions: xr.Dataset,
+    truth: xr.Dataset,
+    normalisation: Normalisation,
+    task: Task | None = None,
+) -> Scorecard:
     """Score predictions against the records.
 
     Parameters
@@ -31,25 +37,33 @@ def score(predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisati
     predictions : see `granbench.benchmark.predictions`
     truth : the records of exactly the predicted paths
     normalisation : training standard deviations
+    task : gives the embedded analyses, the ground truth and the axes; None for the records alone,
+        which have no analyses
 
     Raises
     ------
     SubmissionError
         If the predictions do not fit the records.
     """
-    truth = align(truth, predictions)
+    truth = align(with_ground_truth(truth, task), predictions)
+    analyses = () if task is None else task.analyses
     components = [str(label) for label in truth["component"].values]
     std = normalisation.std
     statistics = path_statistics(predictions, truth, normalisation)
     reads = reads_records(predictions, statistics)
-    of_analyses, curves_of_analyses = embedded_scores(predictions, truth, normalisation, reads)
+    of_analyses, curves_of_analyses = embedded_scores(
+        predictions, truth, normalisation, reads, analyses
+    )
     return Scorecard(
         metric_version=METRIC_VERSION,
         normalisation=Scales(
             stress=dict(zip(components, map(rounded, std["stress"]), strict=True)),
             void_ratio=rounded(std["void_ratio"]) if "void_ratio" in std else None,
         ),
-        scores=tuple(_scores(predictions, truth, statistics, normalisation, of_analyses, reads)),
+        scores=tuple(
+            _on_axes(score, task)
+            for score in _scores(predictions, truth, statistics, normalisation, of_analyses, reads)
+        ),
         curves=(*curves(statistics), *curves_of_analyses),
     )
 
@@ -75,6 +89,14 @@ def _scores(
             )  # fmt: skip
     yield from embedded
     yield from cost_scores(predictions, no_truth, reads)
+
+
+def _on_axes(score: Score, task: Task | None) -> Score:
+    """The score, which does not apply if the task leaves its axis out."""
+    if task is None or score.status != "not_run" or score.axis in task.axes:
+        return score
+    reason = f"this task does not have the axis {score.axis}"
+    return score.model_copy(update={"status": "not_applicable", "reason": reason})
 
 
 def _no_noised_truth(predictions: xr.Dataset, reads: bool) -> str | None:

@@ -14,13 +14,14 @@ from granbench.cells.check import checked_cell, spread_rows
 from granbench.cells.contract import MaterialCell
 from granbench.cells.user_code import user_code
 from granbench.cells.work_budget import WorkExceeded, work_budget
-from granbench.element_test.driven_model import ModelChoice
 from granbench.element_test.run import ElementTest, Failure, run_test
+from granbench.element_test.start import ModelChoice
 from granbench.errors import ConfigurationError
 from granbench.paths.answer_files import answer_records
 from granbench.paths.mixed_control import MixedControl
+from granbench.paths.path_columns import STRAIN, STRESS
 from granbench.paths.programme import Floats, LoadingProgramme
-from granbench.paths.strain_files import STRAIN, STRESS, PathTable
+from granbench.paths.strain_files import PathTable
 from granbench.tensors import (
     COMPONENT_ORDERS,
     PRINCIPAL_DIRECTIONS,
@@ -108,7 +109,7 @@ class Course:
             is not defined for it.
         """
         _same_order(table.source, table.order, cell)
-        if getattr(cell, "pressure_dependent", False):
+        if cell.pressure_dependent:
             _refuse_tension(table, cell.name)
         control, added = table.control(start)
         return cls(control, "prescribed", _rows_of(table, added), added)
@@ -318,7 +319,7 @@ def drive(
         ) from None
     if test.failures:
         raise ConfigurationError(_failed(test.failures, test, course, cell.name))
-    if getattr(cell, "pressure_dependent", False) and "void_ratio" in test.internals:
+    if cell.pressure_dependent and "void_ratio" in test.internals:
         _refuse_lost_voids(test.internals["void_ratio"], course, cell.name)
     records = answer_records(
         cell.order,

@@ -52,7 +52,6 @@ class ClassicalCell(MaterialCell, ParametrisedModule):
     title : for people
     dimension : of space in which the model is defined, 2 or 3
     parameter_table, parameter_sets : see `ParametrisedModule`
-    pressure_dependent : whether the model is undefined without compression
     holds_without_stress : whether such a model may start at zero mean stress, its apex
     internal_tensors : tensors beside the stress, such as `plastic_strain`; their components are
         internal variables `plastic_strain_xx` and so on, in the order of `rows`
@@ -71,7 +70,6 @@ class ClassicalCell(MaterialCell, ParametrisedModule):
 
     title: ClassVar[str]
     dimension: ClassVar[int] = 3
-    pressure_dependent: ClassVar[bool] = False
     holds_without_stress: ClassVar[bool] = False
     internal_tensors: ClassVar[tuple[str, ...]] = ()
     internal_variables: ClassVar[tuple[str, ...]] = ()

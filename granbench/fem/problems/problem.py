@@ -158,8 +158,7 @@ class Problem(abc.ABC):
         """The problem with the confinement that it has by default for a cell, if none is chosen."""
         if self.confinement is not None:
             return self
-        dependent = getattr(cell, "pressure_dependent", False)
-        return replace(self, confinement=CONFINEMENT if dependent else 0.0)
+        return replace(self, confinement=CONFINEMENT if cell.pressure_dependent else 0.0)
 
     @property
     def initial_pressure(self) -> float:

@@ -1,12 +1,12 @@
 """The embedded axis: a model in place of the ground truth, in boundary-value problems.
 
-Each analysis that the dataset states is made with the model and, in the same way, with the ground
+Each analysis of the task is made with the model and, in the same way, with the ground
 truth: the same mesh, loading, output steps and explicit time step, which follows from the ground
 truth's stiffness. `granbench.benchmark.axes.embedded.scores` compares the two.
 """
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -14,24 +14,24 @@ import numpy as np
 import torch
 import xarray as xr
 
-from granbench.benchmark.axes.embedded.metered_cell import MeteredCell
-from granbench.benchmark.axes.embedded.posed import posed, start_of
+from granbench.benchmark.axes.embedded.timed_cell import TimedCell
 from granbench.cells.check import POINTS
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.errors import ConfigurationError, DatasetError
 from granbench.fem import ExplicitSettings, ImplicitSettings, run
 from granbench.fem.analysis import settings_for
+from granbench.fem.build import build_problem
 from granbench.fem.cell_failure import CellFailure
 from granbench.fem.statement import (
     NOT_IN_THE_PLANE,
     READS_RECORDS,
     SOLVERS,
     EmbeddedAnalysis,
-    embedded_analyses,
     spread_points,
 )
 from granbench.models.classical import ClassicalCell
 from granbench.models.ground_truth import ground_truth_cell
+from granbench.models.isotropic_start import internals_at_start
 from granbench.tensors import COMPONENT_ORDERS
 
 ORDER = "plane"
@@ -57,15 +57,23 @@ REPEATS, PATIENCE = 3, 2.0
 """How often an analysis is made for its time, unless the runs take longer than this, CPU s."""
 
 
-def embedded_obstacle(dataset: xr.Dataset, cells: Iterable[MaterialCell]) -> str | None:
-    """Why the axis does not apply to a dataset and a model's cells, or None.
+def embedded_obstacle(
+    dataset: xr.Dataset, analyses: Sequence[EmbeddedAnalysis], cells: Iterable[MaterialCell]
+) -> str | None:
+    """Why the axis does not apply to a task and a model's cells, or None.
+
+    Parameters
+    ----------
+    dataset : the scored records, with the ground truth of the task
+    analyses : of the task
+    cells : of the model
 
     Raises
     ------
     DatasetError
-        If the dataset states analyses, but no ground truth.
+        If the task has analyses, but no ground truth.
     """
-    if not embedded_analyses(dataset):
+    if not analyses:
         return "this task has no boundary-value problem with a ground-truth cell"
     if tuple(map(str, dataset["component"].values)) != COMPONENT_ORDERS[ORDER]:
         return NOT_IN_THE_PLANE
@@ -75,10 +83,12 @@ def embedded_obstacle(dataset: xr.Dataset, cells: Iterable[MaterialCell]) -> str
     return None
 
 
-def analysis_start(cell: MaterialCell, dataset: xr.Dataset) -> Conditions:
-    """What is known of a few Gauss points where the first analysis of a dataset begins."""
-    pressure = embedded_analyses(dataset)[0].confinement
-    scalars = {"initial_mean_stress": pressure, **start_of(_truth(dataset), pressure)}
+def analysis_start(
+    cell: MaterialCell, dataset: xr.Dataset, analyses: Sequence[EmbeddedAnalysis]
+) -> Conditions:
+    """What is known of a few Gauss points where the first analysis of a task begins."""
+    pressure = analyses[0].confinement
+    scalars = {"initial_mean_stress": pressure, **internals_at_start(_truth(dataset), pressure)}
     stress = torch.tensor([[pressure, pressure, 0.0]] * POINTS, dtype=cell.dtype)
     known = {
         name: torch.full((POINTS,), value, dtype=cell.dtype) for name, value in scalars.items()
@@ -86,13 +96,16 @@ def analysis_start(cell: MaterialCell, dataset: xr.Dataset) -> Conditions:
     return Conditions(stress, known)
 
 
-def embedded(cell: MaterialCell, dataset: xr.Dataset) -> xr.Dataset:
-    """Every analysis that a dataset states, with a model.
+def embedded(
+    cell: MaterialCell, dataset: xr.Dataset, analyses: Sequence[EmbeddedAnalysis]
+) -> xr.Dataset:
+    """Every analysis of a task, with a model.
 
     Parameters
     ----------
     cell : the model, in plane components
-    dataset : whose `embedded_analyses` are made
+    dataset : the records, with the ground truth of the task
+    analyses : of the task
 
     Returns
     -------
@@ -101,10 +114,10 @@ def embedded(cell: MaterialCell, dataset: xr.Dataset) -> xr.Dataset:
     NaN from where an analysis failed; `embedded_seconds` and `embedded_cell_seconds`, CPU time of
     the fastest run; and `failure`, why it ended early, "" where it did not
     """
-    return _every_analysis(cell, dataset, "embedded_")
+    return _every_analysis(cell, dataset, analyses, "embedded_")
 
 
-def embedded_truth(dataset: xr.Dataset) -> xr.Dataset:
+def embedded_truth(dataset: xr.Dataset, analyses: Sequence[EmbeddedAnalysis]) -> xr.Dataset:
     """As `embedded`, with the ground truth itself; the names begin with `embedded_truth_`.
 
     Raises
@@ -112,7 +125,7 @@ def embedded_truth(dataset: xr.Dataset) -> xr.Dataset:
     DatasetError
         If no model made the records.
     """
-    found = _every_analysis(_truth(dataset), dataset, "embedded_truth_")
+    found = _every_analysis(_truth(dataset), dataset, analyses, "embedded_truth_")
     return found.drop_vars("failure")
 
 
@@ -123,8 +136,10 @@ def _truth(dataset: xr.Dataset) -> ClassicalCell:
     return truth
 
 
-def _every_analysis(cell: MaterialCell, dataset: xr.Dataset, prefix: str) -> xr.Dataset:
-    truth, analyses = _truth(dataset), embedded_analyses(dataset)
+def _every_analysis(
+    cell: MaterialCell, dataset: xr.Dataset, analyses: Sequence[EmbeddedAnalysis], prefix: str
+) -> xr.Dataset:
+    truth = _truth(dataset)
     with _one_thread():
         _warm_up(cell, analyses[0], truth)
         by_solver = [
@@ -159,7 +174,7 @@ def _analysed(
     cell: MaterialCell, analysis: EmbeddedAnalysis, solver: str, truth: ClassicalCell
 ) -> xr.Dataset:
     """What is kept of one analysis, see `embedded`."""
-    problem = posed(analysis)
+    problem = build_problem(analysis)
     settings = settings_for(problem, solver)
     if isinstance(settings, ExplicitSettings):
         # The stated number of outputs, so that all analyses of a dataset have one shape.
@@ -169,8 +184,8 @@ def _analysed(
     else:
         settings = replace(settings, steps=analysis.outputs, cuts=CUTS)
     limit = UPDATES * analysis.outputs if isinstance(settings, ImplicitSettings) else None
-    metered = MeteredCell(cell, limit)
-    start = start_of(truth, analysis.confinement)
+    metered = TimedCell(cell, limit)
+    start = internals_at_start(truth, analysis.confinement)
     begin = time.process_time()
     # `predict` has checked the cell, which must not count as calls or time of the analysis.
     result = run(problem, metered, solver=settings, mesh=analysis.mesh, scalars=start, check=False)
@@ -213,12 +228,12 @@ def _without_outputs(analysis: EmbeddedAnalysis) -> xr.Dataset:
 
 def _warm_up(cell: MaterialCell, analysis: EmbeddedAnalysis, truth: ClassicalCell) -> None:
     """What libraries do once, before anything is timed."""
-    problem = replace(posed(analysis), end_strain=1e-6)
-    start = start_of(truth, analysis.confinement)
+    problem = replace(build_problem(analysis), end_strain=1e-6)
+    start = internals_at_start(truth, analysis.confinement)
     explicit = replace(problem.explicit(), outputs=1, modulus=analysis.modulus)
     for settings in (explicit, replace(problem.implicit(), steps=1, cuts=0)):
         run(
-            problem, MeteredCell(cell), solver=settings, mesh=analysis.mesh, scalars=start,
+            problem, TimedCell(cell), solver=settings, mesh=analysis.mesh, scalars=start,
             check=False,
         )  # fmt: skip
 

@@ -19,16 +19,20 @@ from granbench.benchmark.scorecard import ALL, Curve, Score, rounded
 from granbench.benchmark.statistics import CEILING, ERROR_POINT, relative_error
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
-from granbench.fem.statement import EXPLICIT, SOLVERS, EmbeddedAnalysis, embedded_analyses
+from granbench.fem.statement import EXPLICIT, SOLVERS, EmbeddedAnalysis
 
 Values = dict[str, np.ndarray]
 """By metric: (seed, analysis); NaN where it does not apply."""
 
 
 def embedded_scores(
-    predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation, reads: bool
+    predictions: xr.Dataset,
+    truth: xr.Dataset,
+    normalisation: Normalisation,
+    reads: bool,
+    analyses: Sequence[EmbeddedAnalysis],
 ) -> tuple[list[Score], list[Curve]]:
-    """Every score and curve of the axis on a task that states analyses; nothing on any other.
+    """Every score and curve of the axis on a task that has analyses; nothing on any other.
 
     Parameters
     ----------
@@ -36,14 +40,14 @@ def embedded_scores(
     truth : the scored records
     normalisation : training standard deviations
     reads : whether the model is the ceiling, see `granbench.benchmark.applicability.reads_records`
+    analyses : of the task
 
     Raises
     ------
     SubmissionError
         If the predictions excuse a model to which the axis applies, hold other analyses than the
-        dataset states, or lack a response.
+        task has, or lack a response.
     """
-    analyses = embedded_analyses(truth)
     if not analyses:
         return [], []
     if EMBEDDED_OBSTACLE not in predictions.attrs:
@@ -242,7 +246,7 @@ def _mean(values: np.ndarray, known: np.ndarray) -> np.ndarray:
 def _check(
     predictions: xr.Dataset, truth: xr.Dataset, analyses: Sequence[EmbeddedAnalysis]
 ) -> None:
-    """Refuse predictions of other analyses than the dataset states."""
+    """Refuse predictions of other analyses than the task has."""
     expected: dict[str, list[Any]] = {
         "solver": list(SOLVERS),
         "analysis": [analysis.name for analysis in analyses],
