@@ -9,7 +9,7 @@ from granbench.benchmark.axes.embedded.metrics import EMBEDDED_METRICS, SPEED, T
 from granbench.benchmark.protocols import EMBEDDED
 from granbench.benchmark.scorecard import ALL, Score
 from granbench.fem.statement import SOLVERS
-from granbench.leaderboard.chart import Line, not_zero, share_chart
+from granbench.leaderboard.chart import not_zero, share_chart
 from granbench.leaderboard.submission import Submission
 from granbench.leaderboard.tables import (
     Cell,
@@ -21,6 +21,7 @@ from granbench.leaderboard.tables import (
     ordered,
     share,
 )
+from granbench.plotting.error_curves import ErrorLine
 from granbench.plotting.style import model_styles
 
 REACTION, REACHED = "reaction_error", "reached_share"
@@ -88,7 +89,7 @@ class AnalysisChart:
 def analyses_charts(submissions: Sequence[Submission]) -> list[AnalysisChart]:
     """Share of error points against the output step (Sec 5.3), of each solver and analysis."""
     styles = model_styles(submission.name for submission in submissions)
-    lines: dict[tuple[str, str], list[Line]] = {}
+    lines: dict[tuple[str, str], list[ErrorLine]] = {}
     for submission in submissions:
         for curve in submission.curves:
             solver = curve.protocol.removeprefix(f"{EMBEDDED}-")
@@ -100,7 +101,7 @@ def analyses_charts(submissions: Sequence[Submission]) -> list[AnalysisChart]:
     return [_chart(solver, group, lines[solver, group]) for solver, group in ordered_places]
 
 
-def _chart(solver: str, group: str, lines: Sequence[Line]) -> AnalysisChart:
+def _chart(solver: str, group: str, lines: Sequence[ErrorLine]) -> AnalysisChart:
     title = f"{TITLES[solver]}: {group.replace('-', ' ')}"
     svg = share_chart(lines, f"{title}: error points", "output step", "error points")
     shown = {line.name for line in not_zero(lines)}

@@ -1,7 +1,6 @@
 """What the pages show: scores of submissions as tables and lines."""
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -10,7 +9,6 @@ from markupsafe import Markup, escape
 from granbench.benchmark.metrics import metrics
 from granbench.benchmark.protocols import PROTOCOLS
 from granbench.benchmark.scorecard import ALL, Curve, Score
-from granbench.leaderboard.chart import Line
 from granbench.leaderboard.ranking import (
     PathErrorsByName,
     few_seeds,
@@ -20,7 +18,8 @@ from granbench.leaderboard.ranking import (
     standing,
 )
 from granbench.leaderboard.submission import Submission
-from granbench.plotting.style import LINE_STYLES, ModelStyle, model_styles
+from granbench.plotting.error_curves import ErrorLine
+from granbench.plotting.style import ModelStyle, model_styles
 
 _TITLES = {metric.name: metric.title for metric in metrics([], "noise")}
 METRICS_SHOWN: dict[str, str] = {
@@ -182,7 +181,7 @@ def family_table(submissions: Sequence[Submission], split: str, metric: str) -> 
     return _table(submissions, split, metric, columns)
 
 
-def lines_of(submissions: Sequence[Submission], split: str, protocol: str) -> list[Line]:
+def lines_of(submissions: Sequence[Submission], split: str, protocol: str) -> list[ErrorLine]:
     """The error curves of one protocol and split."""
     styles = model_styles(submission.name for submission in submissions)
     lines = []
@@ -193,10 +192,9 @@ def lines_of(submissions: Sequence[Submission], split: str, protocol: str) -> li
     return lines
 
 
-def line_of(name: str, style: ModelStyle, curve: Curve) -> Line:
-    """A model's curve in its colour and dashes."""
-    dash = DASHES[LINE_STYLES.index(style.linestyle)]
-    return Line(name, style.colour, dash, curve.horizon, curve.value, curve.low, curve.high)
+def line_of(name: str, style: ModelStyle, curve: Curve) -> ErrorLine:
+    """A model's curve in its colour and line style."""
+    return ErrorLine(name, style, curve.horizon, curve.value, curve.low, curve.high)
 
 
 def number(value: float) -> Markup:
@@ -228,17 +226,6 @@ def _interval(low: float, value: float, high: float, metric: str) -> Markup:
     scale = 10.0**exponent
     power = str(exponent).replace("-", "−")
     return Markup("{:.3g} … {:.3g} ·10<sup>{}</sup>").format(low / scale, high / scale, power)
-
-
-def _svg_dash(style: object) -> str:
-    named = {"-": "", "--": "6 3", "-.": "7 3 1.5 3"}
-    if isinstance(style, str):
-        return named[style]
-    pattern = re.findall(r"\d+", str(style))[1:]
-    return " ".join(str(2 * int(length)) for length in pattern)
-
-
-DASHES = tuple(_svg_dash(style) for style in LINE_STYLES)
 
 
 def _table(

@@ -11,7 +11,7 @@ from plane_records import plane_records
 from torch import Tensor
 
 from granbench.cells.contract import ModuleCell, StateLayout
-from granbench.fem.statement import EMBEDDED_ANALYSES, SOLVERS, EmbeddedAnalysis, stated
+from granbench.fem.statement import EMBEDDED_ANALYSES, SOLVERS, EmbeddedAnalysis, as_attribute
 from granbench.models.classical import ClassicalCell
 from granbench.models.ground_truth import described
 from granbench.models.j2 import J2
@@ -54,7 +54,7 @@ def task(
     few = records.isel(path=np.concatenate(rows), step=slice(0, 12))
     cell = truth or elastic_truth()
     return few.assign_attrs(
-        {"ground_truth": json.dumps(described(cell)), EMBEDDED_ANALYSES: stated(analyses)}
+        {"ground_truth": json.dumps(described(cell)), EMBEDDED_ANALYSES: as_attribute(analyses)}
     )
 
 

@@ -6,15 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from granbench.cli.drive_options import AskedCourse, scalars_at_start
 from granbench.cli.model_options import one_model
 from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import print_json, say
-from granbench.cli.waiting import spoken_progress
+from granbench.cli.progress import progress_bar, progress_notes, shows_bar
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -129,7 +127,7 @@ def drive(
         "parameters": _parameters(cell),
         "course": control or (path and path.name),
     }
-    with _bar(prescribed.control.steps - 1, cell.name, quiet or as_json) as advance:
+    with _progress(prescribed.control.steps - 1, cell.name, quiet or as_json) as advance:
         try:
             answer = take(
                 cell,
@@ -230,21 +228,19 @@ def _sentence(answer: "DriveResult", cell: "MaterialCell", out: Path) -> str:
 
 
 @contextmanager
-def _bar(steps: int, name: str, hidden: bool) -> Iterator[Callable[[int], None]]:
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-    )  # fmt: skip
-    no_bar, done = hidden or not console.is_terminal, 0
+def _progress(steps: int, name: str, hidden: bool) -> Iterator[Callable[[int], None]]:
+    """Show how far the paths are, with a bar or, without a terminal, with notes."""
+    done = 0
 
-    def advance(step: int) -> None:
+    def move(step: int) -> None:
         nonlocal done
         done = step
-        progress.update(job, completed=step)
+        bar.move(step)
 
     with (
-        Progress(*columns, console=console, transient=True, disable=no_bar) as progress,
-        spoken_progress(lambda: f"driving {name}: {done} of {steps} steps", hidden or not no_bar),
+        progress_bar(f"driving {name}", steps, hidden=hidden) as bar,
+        progress_notes(
+            lambda: f"driving {name}: {done} of {steps} steps", hidden or shows_bar(hidden)
+        ),
     ):
-        job = progress.add_task(f"driving {name}", total=steps)
-        yield advance
+        yield move

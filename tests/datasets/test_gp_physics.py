@@ -29,7 +29,6 @@ from granbench.cells.find import find_cells
 from granbench.data.adapters import conditions_of
 from granbench.data.normalisation import Normalisation
 from granbench.generators.rounding import recorded
-from granbench.models.csuh.formulas import critical_ratio
 from granbench.paths.drawn import STRAIN_GRID
 from granbench.records import verify
 from granbench.tensors import frobenius_norm, lode_sin3, volumetric_strain
@@ -227,7 +226,7 @@ def _surface(records: xr.Dataset, p: np.ndarray, q: np.ndarray) -> np.ndarray:
     assert values["compression_intercept"] == values["low_pressure_intercept"]
     with np.errstate(invalid="ignore"):
         sine = lode_sin3(principal_stress(records))
-    critical = critical_ratio(values["critical_ratio"], np.nan_to_num(sine, nan=1.0))
+    critical = 6.0 * values["critical_ratio"] / (7.0 - np.nan_to_num(sine, nan=1.0))  # Eq 7.35
     return p + q**2 / (critical**2 * p)
 
 
