@@ -25,8 +25,8 @@ LOWEST_PRESSURE, HIGHEST_PRESSURE = 0.1, 50.0
 100 kPa, about the range of the particle tests."""
 
 FACTORS = (*(2.0 ** (-k / 4) for k in range(25)), 0.0)
-"""Factors on the volumetric strain in the order in which they are tried; the first admissible one is
-used. A bisection would not do: for a model that dilates, a smaller factor need not be safer."""
+"""Factors on the volumetric strain in the order in which they are tried, until one is admissible.
+A bisection would not do: for a model that dilates, a smaller factor need not be safer."""
 
 POINTS_TOGETHER = 8192
 """Number of points that are run together, with several factors of a path among them: one step of so
@@ -59,7 +59,7 @@ def scaled_volume(strain: Floats, factor: Floats, order: str = "plane") -> Float
 
 
 def admissible_factors(cell: ClassicalCell, strain: Floats, mean_stress: float) -> Floats:
-    """The largest factor on the volumetric strain of each path that keeps its pressure in range.
+    """The largest factor on the volumetric strain of each path that keeps the pressure in range.
 
     Parameters
     ----------
@@ -89,8 +89,8 @@ def admissible_factors(cell: ClassicalCell, strain: Floats, mean_stress: float) 
     if np.isnan(chosen).any():
         path = int(np.argmax(np.isnan(chosen)))
         raise ModelError(
-            f"{cell.name}: the mean stress leaves its range on path {path} of {len(strain)} even at "
-            "constant volume; start from another mean stress or draw smaller strains"
+            f"{cell.name}: the mean stress leaves its range on path {path} of {len(strain)} even "
+            "at constant volume; start from another mean stress or draw smaller strains"
         )
     return chosen
 

@@ -20,7 +20,7 @@ from granbench.records.schema import (
 from granbench.tensors import component_order
 
 LARGEST_LABELS = 2**27
-"""Largest size of the labels of one variable in memory, bytes; each has the length of the longest."""
+"""Largest size of the labels of one variable in memory, bytes; all are as long as the longest."""
 
 
 def validate_records(ds: xr.Dataset, source: str = "the dataset") -> None:

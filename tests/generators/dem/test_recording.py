@@ -67,7 +67,7 @@ def test_geometry_is_that_of_the_record():
     np.testing.assert_array_equal(record.coordination_number, 3.0)  # 2 x 3 contacts / 2 grains
 
 
-def test_inertial_number_is_the_largest_since_the_record_before():
+def test_inertial_number_is_the_largest_since_the_last_record():
     record = record_of(PROGRAMME, series_of())
     # It rises along the path, so the last chunk before each record has the largest.
     np.testing.assert_allclose(record.inertial_number[1:], 1e-3 + 1e-2 * POSITIONS[1:])
