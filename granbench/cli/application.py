@@ -16,6 +16,7 @@ from granbench import __version__
 from granbench.cli import data, drive, evaluate, fem, fit, generate, leaderboard, submission, train
 from granbench.cli.generated_help import CommandWithNames
 from granbench.cli.printing import note
+from granbench.cli.setting_options import option_text
 from granbench.cli.streams import flush_streams, prepare_streams
 from granbench.cli.termination import INTERRUPTED
 from granbench.errors import GranbenchError
@@ -83,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     try:
         code = app(words, prog_name="granbench", standalone_mode=False)
     except GranbenchError as error:
-        _fail(str(error))
+        _fail(error.spelled(option_text))
     except typer.Abort:
         code = INTERRUPTED
     except Exception as error:

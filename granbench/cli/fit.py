@@ -12,7 +12,6 @@ from granbench.cli.laboratory_options import (
     named_columns,
     named_numbers,
     named_texts,
-    settings_as_options,
 )
 from granbench.cli.model_options import one_model
 from granbench.cli.options import (
@@ -39,7 +38,6 @@ PARAMETERS = "parameters.json"
 RECORDS = "tests.nc"
 
 
-@settings_as_options()
 def fit(
     model: Annotated[str, typer.Argument(help="Classical model, such as j2 or csuh.")],
     data: Annotated[
