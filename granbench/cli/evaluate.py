@@ -55,8 +55,8 @@ def evaluate(
         list[str] | None,
         typer.Option(
             "--axis",
-            help="single-step, window, rollout, noise, embedded, physics or cost; all that apply "
-            "by default.",
+            help="Axis to evaluate, such as one named in docs/scoring.md; repeat for several. "
+            "All that apply by default.",
         ),
     ] = None,
     model_dir: Annotated[
@@ -102,7 +102,7 @@ def evaluate(
     """
     from granbench.benchmark.evaluation import predict, progress_parts
     from granbench.benchmark.predictions import CELL_NOTES, evaluated
-    from granbench.benchmark.protocols import AXES, chosen_axes
+    from granbench.benchmark.registry import chosen_axes
     from granbench.cells.candidate import find_candidate
     from granbench.cli.score_tables import tables
     from granbench.data.verification import task_file
@@ -113,7 +113,7 @@ def evaluate(
 
     task = task or default_task()
     numbers = None if seeds is None else listed_seeds(seeds)
-    axes = chosen_axes(axis or AXES)
+    axes = chosen_axes(axis or None)
     for target in (out, check_target(out)):
         require_writable("--out", target)
         refuse_overwriting(target, "MODEL", Path(model))

@@ -7,7 +7,7 @@ import torch
 import xarray as xr
 from torch import Tensor
 
-from granbench.benchmark.protocols import WINDOW_STEPS
+from granbench.benchmark.axes.along_paths.protocols import WINDOW_STEPS
 from granbench.benchmark.surviving import Series, surviving_rollout
 from granbench.cells.contract import MaterialCell
 from granbench.data.adapters import conditions_of

@@ -1,0 +1,69 @@
+"""`score`: every registered axis, from the predictions and the truth alone."""
+
+import xarray as xr
+
+from granbench.benchmark.comparison import align
+from granbench.benchmark.metric import METRIC_VERSION
+from granbench.benchmark.registry import axes
+from granbench.benchmark.scorecard import ALL, Scales, Scorecard, rounded
+from granbench.benchmark.scored_records import ScoredPredictions, ScoredRecords
+from granbench.benchmark.splits import split_order
+from granbench.data.normalisation import Normalisation
+from granbench.fem.statement import embedded_analyses
+
+
+def scored_predictions(
+    predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation
+) -> ScoredPredictions:
+    """Predictions with the records that they are compared with.
+
+    Parameters
+    ----------
+    predictions : see `granbench.benchmark.predictions`
+    truth : the records of exactly the predicted paths
+    normalisation : training standard deviations
+
+    Raises
+    ------
+    SubmissionError
+        If the predictions do not fit the records.
+    """
+    records = align(truth, predictions)
+    return ScoredPredictions(
+        predictions,
+        ScoredRecords(records, embedded_analyses(records)),
+        normalisation,
+        lambda scored: all(axis.is_truth(scored) for axis in axes()),
+    )
+
+
+def score(predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation) -> Scorecard:
+    """Score predictions against the records.
+
+    Parameters
+    ----------
+    predictions : see `granbench.benchmark.predictions`
+    truth : the records of exactly the predicted paths
+    normalisation : training standard deviations
+
+    Raises
+    ------
+    SubmissionError
+        If the predictions do not fit the records.
+    """
+    scored = scored_predictions(predictions, truth, normalisation)
+    for axis in axes():
+        axis.check(scored)
+    splits = (*split_order(scored.records["split"].values.astype(str)), ALL)
+    std = normalisation.std
+    return Scorecard(
+        metric_version=METRIC_VERSION,
+        normalisation=Scales(
+            stress=dict(zip(scored.task.components, map(rounded, std["stress"]), strict=True)),
+            void_ratio=rounded(std["void_ratio"]) if "void_ratio" in std else None,
+        ),
+        scores=tuple(
+            score for split in splits for axis in axes() for score in axis.scores(scored, split)
+        ),
+        curves=tuple(curve for axis in axes() for curve in axis.curves(scored)),
+    )
