@@ -27,11 +27,13 @@ from granbench.data.adapters import conditions_of, history_of
 from granbench.data.splits import select_split
 from granbench.errors import ConfigurationError, ModelError
 from granbench.files.folder_lock import locked_folder
-from granbench.fitting.fitting import FitSettings, possible_starts, searching_cell
-from granbench.fitting.observations import TestBatch, strain_batch
+from granbench.fitting.least_squares import LeastSquares
+from granbench.fitting.observations import strain_batch
 from granbench.fitting.optimisation import Effort, adam, levenberg_marquardt
 from granbench.fitting.parameter_space import ParameterSpace
-from granbench.fitting.problem import Problem
+from granbench.fitting.settings import FitSettings
+from granbench.fitting.starts import possible_starts, searching_cell
+from granbench.fitting.test_batch import TestBatch
 from granbench.models import find_model
 from granbench.models.parameter_file import write_parameters
 from granbench.tensors import component_order
@@ -108,7 +110,7 @@ class FittedBaseline:
         cell = find_model(self.model)(order=order)
         space = ParameterSpace.of(searching_cell(cell))
         training, validation = (
-            Problem(space, [drawn_batch(select_split(records, split), recipe.paths, request.seed)])
+            LeastSquares(space, [drawn_batch(select_split(records, split), recipe.paths, request.seed)])
             for split in ("train", "validation")
         )
         search = FitSettings(

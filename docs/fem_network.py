@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from page_parts import table
 
 from granbench.cells import MaterialCell
-from granbench.element_test.driven_model import ModelChoice
+from granbench.element_test.start import ModelChoice
 from granbench.fem import Problem, find_problem, run
 from granbench.leaderboard.board import default_folder
 from granbench.models import MODELS

@@ -16,7 +16,7 @@ from granbench.benchmark.predictions import (
     open_predictions,
     write_predictions,
 )
-from granbench.cells.candidate import Candidate
+from granbench.cells.find import FoundModel
 from granbench.data.normalisation import Normalisation
 from granbench.data.splits import split_hash
 from granbench.errors import ConfigurationError, SubmissionError
@@ -66,7 +66,7 @@ def compose(
     about: About,
     out: Path,
     *,
-    model: Candidate | None = None,
+    model: FoundModel | None = None,
 ) -> Submission:
     """Score predictions as they are stored, and write the submission and what bears it out.
 

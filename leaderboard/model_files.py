@@ -14,7 +14,7 @@ from pathlib import Path
 import xarray as xr
 
 from granbench.cells.baseline import DESCRIPTION_FILE, ENTRY_POINTS
-from granbench.cells.candidate import Candidate, find_candidate, registered_candidate
+from granbench.cells.find import FoundModel, cells_of_baseline, find_cells
 from granbench.errors import GranbenchError, SubmissionError
 from granbench.leaderboard.submission import ModelFile, ModelReference, file_digest
 from granbench.models import MODELS
@@ -27,7 +27,7 @@ TRAINED_FILES = (DESCRIPTION_FILE, "model.safetensors", PARAMETERS)
 DISTRIBUTION = "granbench"
 
 
-def require_data_only(candidate: Candidate) -> None:
+def require_data_only(candidate: FoundModel) -> None:
     """Make sure that a model can be run again from data and the code of GranBench.
 
     Raises
@@ -41,7 +41,7 @@ def require_data_only(candidate: Candidate) -> None:
         _classical(candidate)
 
 
-def _classical(candidate: Candidate) -> ClassicalCell:
+def _classical(candidate: FoundModel) -> ClassicalCell:
     """The one classical model of all seeds; SubmissionError if it is anything else."""
     cell = candidate.cell
     one_for_all = all(other is cell for other in candidate.cells.values())
@@ -54,7 +54,7 @@ def _classical(candidate: Candidate) -> ClassicalCell:
     )
 
 
-def export(candidate: Candidate, folder: Path, name: str) -> ModelReference:
+def export(candidate: FoundModel, folder: Path, name: str) -> ModelReference:
     """Put a model beside a submission.
 
     Parameters
@@ -140,7 +140,7 @@ def moved(reference: ModelReference, folder: Path, target: Path, name: str) -> M
 @contextmanager
 def restored(
     reference: ModelReference, submission: Path, seeds: Sequence[int], records: xr.Dataset
-) -> Iterator[Candidate]:
+) -> Iterator[FoundModel]:
     """The model as it was evaluated, from its files.
 
     Parameters
@@ -196,12 +196,12 @@ def _place(file: ModelFile, folder: Path) -> Path:
 
 def _candidate(
     reference: ModelReference, folder: Path, seeds: Sequence[int], records: xr.Dataset
-) -> Candidate:
+) -> FoundModel:
     if reference.baseline is None:
-        return find_candidate(str(_place(reference.files[0], folder)), records, seeds=seeds)
+        return find_cells(str(_place(reference.files[0], folder)), records, seeds=seeds)
     trained = {file.seed: folder / str(file.seed) for file in reference.files}
     _require_seeds(trained, seeds)
-    return registered_candidate(
+    return cells_of_baseline(
         reference.baseline, records, folders=list(trained.values()), seeds=seeds
     )
 

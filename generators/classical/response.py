@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from granbench.cells.contract import Conditions
-from granbench.generators.classical.recorded import recorded
+from granbench.generators.rounding import recorded
 from granbench.models.classical import ClassicalCell
 
 

@@ -124,6 +124,7 @@ class Axis(ABC):
     json_attributes : global attributes of the predictions file that hold a JSON object
     against_records : whether its errors are zero for the records, and for them alone
     tells_models_apart : whether models with equal scores of every seed are one model
+    needs_analyses : whether it applies only to tasks with boundary-value problems
     headline : the score that models are ranked by; None where it is on another axis
     highlights : scores for short tables, such as those of the README
     """
@@ -139,6 +140,7 @@ class Axis(ABC):
     json_attributes: tuple[str, ...] = ()
     against_records: bool = False
     tells_models_apart: bool = False
+    needs_analyses: bool = False
     headline: Highlight | None = None
     highlights: tuple[Highlight, ...] = ()
 

@@ -15,12 +15,12 @@ from granbench.benchmark.predictions import CELL_NOTES, assemble
 from granbench.benchmark.registry import axes as registered_axes
 from granbench.benchmark.registry import chosen_axes
 from granbench.benchmark.scored_records import ScoredRecords
+from granbench.benchmark.task import Task
 from granbench.cells.check import CellCheck, checked_cell, spread_rows
-from granbench.cells.contents import changed, snapshot
+from granbench.cells.check.snapshot import changed, snapshot
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.data.adapters import conditions_of
 from granbench.errors import ConfigurationError, ModelError
-from granbench.fem.statement import embedded_analyses
 from granbench.tensors import COMPONENT_ORDERS, frobenius_norm
 
 Result = TypeVar("Result")
@@ -35,6 +35,7 @@ def predict(
     dataset: xr.Dataset,
     axes: Iterable[str] | None = None,
     *,
+    task: Task | None = None,
     attrs: Mapping[str, str] | None = None,
     training_seconds: Mapping[int, float] | None = None,
     progress: Progress | None = None,
@@ -46,6 +47,8 @@ def predict(
     cells : the model's cell for each seed; the seed also draws the noise
     dataset : the records to predict, all of its paths
     axes : names of registered axes; all of them by default
+    task : gives the embedded analyses and the ground truth; None for the records alone, which have
+        no analyses
     attrs : further attributes of the result, such as `command`
     training_seconds : how long each seed was trained, where that is known
     progress : called after each part with the seed and what was done
@@ -65,9 +68,8 @@ def predict(
         raise ConfigurationError("there is nothing to evaluate: give at least one seed")
     for cell in cells.values():
         _check_order(cell, dataset)
-    run = EvaluationRun(
-        cells, ScoredRecords(dataset, embedded_analyses(dataset)), chosen, training_seconds or {}
-    )
+    scored = ScoredRecords.of(dataset, task)
+    run = EvaluationRun(cells, scored, chosen, training_seconds or {})
     if progress is not None:
         run = replace(run, report=progress)
     with torch.no_grad(), ExitStack() as checks:

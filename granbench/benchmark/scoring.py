@@ -5,15 +5,18 @@ import xarray as xr
 from granbench.benchmark.comparison import align
 from granbench.benchmark.metric import METRIC_VERSION
 from granbench.benchmark.registry import axes
-from granbench.benchmark.scorecard import ALL, Scales, Scorecard, rounded
+from granbench.benchmark.scorecard import ALL, Scales, Score, Scorecard, rounded
 from granbench.benchmark.scored_records import ScoredPredictions, ScoredRecords
 from granbench.benchmark.splits import split_order
+from granbench.benchmark.task import Task
 from granbench.data.normalisation import Normalisation
-from granbench.fem.statement import embedded_analyses
 
 
 def scored_predictions(
-    predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation
+    predictions: xr.Dataset,
+    truth: xr.Dataset,
+    normalisation: Normalisation,
+    task: Task | None = None,
 ) -> ScoredPredictions:
     """Predictions with the records that they are compared with.
 
@@ -22,22 +25,28 @@ def scored_predictions(
     predictions : see `granbench.benchmark.predictions`
     truth : the records of exactly the predicted paths
     normalisation : training standard deviations
+    task : gives the embedded analyses, the ground truth and the axes; None for the records alone,
+        which have no analyses
 
     Raises
     ------
     SubmissionError
         If the predictions do not fit the records.
     """
-    records = align(truth, predictions)
     return ScoredPredictions(
         predictions,
-        ScoredRecords(records, embedded_analyses(records)),
+        ScoredRecords.of(align(truth, predictions), task),
         normalisation,
         lambda scored: all(axis.is_truth(scored) for axis in axes()),
     )
 
 
-def score(predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation) -> Scorecard:
+def score(
+    predictions: xr.Dataset,
+    truth: xr.Dataset,
+    normalisation: Normalisation,
+    task: Task | None = None,
+) -> Scorecard:
     """Score predictions against the records.
 
     Parameters
@@ -45,13 +54,15 @@ def score(predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisati
     predictions : see `granbench.benchmark.predictions`
     truth : the records of exactly the predicted paths
     normalisation : training standard deviations
+    task : gives the embedded analyses, the ground truth and the axes; None for the records alone,
+        which have no analyses
 
     Raises
     ------
     SubmissionError
         If the predictions do not fit the records.
     """
-    scored = scored_predictions(predictions, truth, normalisation)
+    scored = scored_predictions(predictions, truth, normalisation, task)
     for axis in axes():
         axis.check(scored)
     splits = (*split_order(scored.records["split"].values.astype(str)), ALL)
@@ -63,7 +74,18 @@ def score(predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisati
             void_ratio=rounded(std["void_ratio"]) if "void_ratio" in std else None,
         ),
         scores=tuple(
-            score for split in splits for axis in axes() for score in axis.scores(scored, split)
+            _of_task(score, task)
+            for split in splits
+            for axis in axes()
+            for score in axis.scores(scored, split)
         ),
         curves=tuple(curve for axis in axes() for curve in axis.curves(scored)),
     )
+
+
+def _of_task(score: Score, task: Task | None) -> Score:
+    """The score, which does not apply if the task leaves its axis out."""
+    if task is None or score.status != "not_run" or score.axis in task.axes:
+        return score
+    reason = f"this task does not have the axis {score.axis}"
+    return score.model_copy(update={"status": "not_applicable", "reason": reason})

@@ -1,7 +1,7 @@
 """Reference models: what each offers, and how they are found by name.
 
 A package registers a model under the entry-point group `granbench.baselines`; this module
-knows none of them. What else a user may name as a model is known to `granbench.cells.candidate`.
+knows none of them. What else a user may name as a model is known to `granbench.cells.find`.
 """
 
 from collections.abc import Callable, Sequence

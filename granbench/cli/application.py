@@ -14,6 +14,7 @@ import typer
 
 from granbench import __version__
 from granbench.cli import data, drive, evaluate, fem, fit, generate, leaderboard, submission, train
+from granbench.cli.generated_help import CommandWithNames
 from granbench.cli.printing import note
 from granbench.cli.streams import flush_streams, prepare_streams
 from granbench.cli.termination import INTERRUPTED
@@ -56,7 +57,7 @@ app.command()(train.train)
 app.command()(evaluate.evaluate)
 app.command()(drive.drive)
 app.command()(fit.fit)
-app.command()(fem.fem)
+app.command(cls=CommandWithNames)(fem.fem)
 app.add_typer(submission.app, name="submission")
 app.add_typer(leaderboard.app, name="leaderboard")
 

@@ -103,8 +103,8 @@ def drive(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
 ) -> None:
     """Drive a model along a path, or through a standard test, and write its stresses."""
-    from granbench.element_test.driven_model import ModelChoice, Start
     from granbench.element_test.driving import drive as take
+    from granbench.element_test.start import ModelChoice, Start
     from granbench.units.quantity_text import pressure_from_text
 
     _check_targets(out, plot)
@@ -144,7 +144,7 @@ def drive(
         say(_sentence(answer, cell, out))
         for note in answer.notes:
             say(f"note: {note}")
-        if getattr(cell, "pressure_dependent", False) and (tension := answer.tension()):
+        if cell.pressure_dependent and (tension := answer.tension()):
             say(f"note: {tension}")
 
 

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from granbench.cells.contract import MaterialCell
-    from granbench.element_test.driven_model import ModelChoice, Start
     from granbench.element_test.driving import Course
+    from granbench.element_test.start import ModelChoice, Start
     from granbench.paths.strain_files import PathTable
 
 DEFAULT_STRAIN = 0.2

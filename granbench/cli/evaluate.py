@@ -23,7 +23,7 @@ from granbench.cli.printing import print_json, say, show
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from granbench.cells.candidate import Candidate
+    from granbench.cells.find import FoundModel
     from granbench.leaderboard.submission import Submission
 
 MODEL_FILES = ("model.json", "model.safetensors", "training.safetensors", "parameters.json")
@@ -103,7 +103,7 @@ def evaluate(
     from granbench.benchmark.evaluation import predict, progress_parts
     from granbench.benchmark.predictions import CELL_NOTES, evaluated
     from granbench.benchmark.registry import chosen_axes
-    from granbench.cells.candidate import find_candidate
+    from granbench.cells.find import find_cells
     from granbench.cli.score_tables import tables
     from granbench.data.verification import task_file
     from granbench.leaderboard.composition import check_target, compose
@@ -127,7 +127,7 @@ def evaluate(
     require_one_of("--role", role or ROLES[0], ROLES)
     others = [read_submission(path) for path in against or ()]
     with open_records(task_file(task)) as records:
-        candidate = find_candidate(model, records, folders=model_dir or (), seeds=numbers)
+        candidate = find_cells(model, records, folders=model_dir or (), seeds=numbers)
         kept = candidate if keep == "model" else None
         if kept is not None:
             require_data_only(kept)  # before minutes of work
@@ -168,12 +168,12 @@ def _written(submission: "Submission", out: Path) -> str:
     return f"{out} is written; its model needs no file"
 
 
-def _authors(authors: str | None, candidate: "Candidate") -> tuple[str, ...]:
+def _authors(authors: str | None, candidate: "FoundModel") -> tuple[str, ...]:
     named = tuple(author.strip() for author in (authors or "").split(",") if author.strip())
     return named or (HOUSE_AUTHORS if candidate.baseline else "anonymous",)
 
 
-def _training_data(candidate: "Candidate", attrs: dict[str, Any]) -> str:
+def _training_data(candidate: "FoundModel", attrs: dict[str, Any]) -> str:
     if candidate.training_data:
         return candidate.training_data
     if not candidate.trained:

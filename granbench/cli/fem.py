@@ -35,9 +35,7 @@ IMPLICIT_ONLY = ("scheme",)
 def fem(
     problem: Annotated[
         str,
-        typer.Argument(
-            help="biaxial, retaining-wall, strip-footing, dog-bone or perforated-plate."
-        ),
+        typer.Argument(help="One of {problems}."),
     ],
     cell: Annotated[
         str,
@@ -143,7 +141,7 @@ def fem(
 
     import torch
 
-    from granbench.element_test.driven_model import ModelChoice
+    from granbench.element_test.start import ModelChoice
     from granbench.fem import run
     from granbench.fem.remarks import remarks
 
@@ -209,7 +207,7 @@ def _settings(
 
 def _refuse_unused(scalars: dict[str, float], cell: "MaterialCell", problem: "Problem") -> None:
     """Refuse what the model makes no use of: it would be believed to count."""
-    from granbench.element_test.driven_model import Start
+    from granbench.element_test.start import Start
 
     if scalars:
         pressure = problem.confined_for(cell).initial_pressure or None

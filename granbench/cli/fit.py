@@ -1,4 +1,4 @@
-"""`granbench fit`: fit a classical model to laboratory tests of one's own."""
+"""`granbench fit`: fit a classical model to your own laboratory tests."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
@@ -6,11 +6,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
+from granbench.cli.fit_tables import result_tables, understanding_of_tests
+from granbench.cli.laboratory_options import (
+    named_columns,
+    named_numbers,
+    named_texts,
+    settings_as_options,
+)
 from granbench.cli.options import (
     refuse_overwriting,
     require_folder,
@@ -22,7 +27,6 @@ from granbench.cli.printing import print_json, say, show
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError
 from granbench.files.folder_lock import locked_folder
-from granbench.files.printable import printable
 from granbench.files.whole_file import whole_folder
 
 if TYPE_CHECKING:
@@ -33,12 +37,9 @@ if TYPE_CHECKING:
 
 PARAMETERS = "parameters.json"
 RECORDS = "tests.nc"
-MOST_TESTS_SHOWN = 12
-WIDE, VAST = 4.0, 100.0
-"""An interval that is so many times its value wide, or over whose ends differ by such a factor,
-tells next to nothing."""
 
 
+@settings_as_options()
 def fit(
     model: Annotated[str, typer.Argument(help="Classical model, such as j2 or csuh.")],
     data: Annotated[
@@ -50,7 +51,7 @@ def fit(
             "::TEST takes one test of several.",
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", help="Folder for what is found.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder for the results.")],
     leave_out: Annotated[
         list[str] | None,
         typer.Option(
@@ -72,33 +73,41 @@ def fit(
         str,
         typer.Option(
             "--control",
-            help="strain: the measured strain drives. mixed: axial strain drives, lateral stress "
-            "is held. auto: mixed where the lateral strain was free.",
+            help="strain: prescribe the measured strain. mixed: prescribe the axial strain and the "
+            "lateral stress. auto: mixed where the lateral strain was free.",
         ),
     ] = "auto",
     points: Annotated[
-        int, typer.Option("--points", min=5, max=100_000, help="To which each test is thinned.")
+        int,
+        typer.Option("--points", min=5, max=100_000, help="Points to which each test is thinned."),
     ] = 60,
     weight: Annotated[
         list[str] | None,
-        typer.Option("--weight", metavar="NAME=X", help="Of a quantity; 1 by default."),
+        typer.Option("--weight", metavar="NAME=X", help="Weight of a quantity; 1 by default."),
     ] = None,
     starts: Annotated[
-        int, typer.Option("--starts", min=1, max=1000, help="First values to search from.")
+        int, typer.Option("--starts", min=1, max=1000, help="Number of starts of the search.")
     ] = 8,
     spread: Annotated[
         float,
-        typer.Option("--spread", min=0.0, max=5.0, help="Of the starts; 1 is a factor of 2.7."),
+        typer.Option(
+            "--spread", min=0.0, max=5.0, help="Spread of the starts; 1 is a factor of 2.7."
+        ),
     ] = 0.5,
-    seed: Annotated[int, seed_option("Of starts and bootstrap.")] = 0,
+    seed: Annotated[int, seed_option("Seed of starts and bootstrap.")] = 0,
     iterations: Annotated[
         int,
-        typer.Option("--iterations", min=1, max=1_000_000, help="Of Levenberg-Marquardt, at most."),
+        typer.Option(
+            "--iterations", min=1, max=1_000_000, help="Iterations of Levenberg-Marquardt, at most."
+        ),
     ] = 60,
     bootstrap: Annotated[
         int,
         typer.Option(
-            "--bootstrap", min=0, max=100_000, help="Samples; 0 for intervals from the curvature."
+            "--bootstrap",
+            min=0,
+            max=100_000,
+            help="Bootstrap samples; 0 for intervals from the curvature.",
         ),
     ] = 0,
     column: Annotated[
@@ -106,7 +115,7 @@ def fit(
         typer.Option(
             "--column",
             metavar="QUANTITY=HEADER",
-            help="What a column holds, as axial_strain=eps_ax or pore_pressure=PWP2.",
+            help="Column of a quantity, as axial_strain=eps_ax or pore_pressure=PWP2.",
         ),
     ] = None,
     ignore: Annotated[
@@ -115,14 +124,16 @@ def fit(
     ] = None,
     unit: Annotated[
         list[str] | None,
-        typer.Option("--unit", metavar="QUANTITY=UNIT", help="As stress=kPa or strain=%."),
+        typer.Option(
+            "--unit", metavar="QUANTITY=UNIT", help="Unit of a quantity, as stress=kPa or strain=%."
+        ),
     ] = None,
     kind: Annotated[
         str | None,
         typer.Option(
             "--kind",
-            help="What was controlled, such as triaxial-undrained or oedometer; recognised from "
-            "the file by default.",
+            help="Kind of test, such as triaxial-undrained or oedometer; recognised from the file "
+            "by default.",
         ),
     ] = None,
     stresses: Annotated[
@@ -130,13 +141,13 @@ def fit(
         typer.Option(
             "--stresses",
             metavar="effective|total",
-            help="What the stresses are whose headers do not say it.",
+            help="State of stresses whose headers say neither.",
         ),
     ] = None,
     cell_pressure: Annotated[
         float | None,
         typer.Option(
-            "--cell-pressure", metavar="PA", help="Constant total one, where a file has none."
+            "--cell-pressure", metavar="PA", help="Constant cell pressure, if a file has none."
         ),
     ] = None,
     back_pressure: Annotated[
@@ -144,7 +155,7 @@ def fit(
         typer.Option(
             "--back-pressure",
             metavar="PA",
-            help="Pore pressure at the start, where a file does not give it.",
+            help="Pore pressure at the start, if a file does not give it.",
         ),
     ] = None,
     k0: Annotated[
@@ -159,41 +170,45 @@ def fit(
         bool, typer.Option("--monotonic", help="Refuse an axial strain that falls.")
     ] = False,
     tension_positive: Annotated[
-        bool, typer.Option("--tension-positive", help="The files count tension positive.")
+        bool, typer.Option("--tension-positive", help="Tension is positive in the files.")
     ] = False,
     strain_measure: Annotated[
-        str, typer.Option("--strain-measure", help="Of the files: engineering or logarithmic.")
+        str,
+        typer.Option(
+            "--strain-measure", help="Strain measure of the files: engineering or logarithmic."
+        ),
     ] = "engineering",
     e0: Annotated[
-        float | None, typer.Option("--e0", help="First void ratio, where a file has none.")
+        float | None, typer.Option("--e0", help="Initial void ratio, if a file has none.")
     ] = None,
     lateral_stress: Annotated[
         float | None,
         typer.Option(
             "--lateral-stress",
             metavar="PA",
-            help="Constant effective one, where a file has none.",
+            help="Constant effective lateral stress, if a file has none.",
         ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
 ) -> None:
-    """Fit a model's parameters to laboratory tests; a fit that was interrupted begins anew.
+    """Fit the parameters of a model to laboratory tests.
 
     The folder then holds parameters.json (for `drive`, `evaluate` and `fem`), fit.json, curves.csv,
-    fit.png and, where every test is complete, tests.nc: records to score any model on. They come
-    together at the end: a fit that is interrupted leaves the folder as it was.
+    fit.png and, if every test is complete, tests.nc: records on which any model can be scored. All
+    are written together at the end: an interrupted fit leaves the folder unchanged and starts from
+    the beginning.
 
-    How each file was understood is printed and kept in fit.json: kind of test, drainage, which
-    stresses are effective and why, p0. What a file leaves open is asked about.
+    The interpretation of each file is printed and kept in fit.json: kind of test, drainage, which
+    stresses are effective and why, p0. If a file leaves something open, an error asks for it.
     """
     require_folder("--out", out)
 
-    from granbench.element_test.driven_model import ModelChoice
+    from granbench.element_test.start import ModelChoice
     from granbench.fitting import Effort, FitSettings
     from granbench.fitting import fit as fitted
-    from granbench.fitting.observations import CONTROLS
     from granbench.fitting.report import PICTURE, report_of
+    from granbench.fitting.settings import CONTROLS
     from granbench.laboratory import ImportSettings
     from granbench.models import find_model
 
@@ -203,8 +218,8 @@ def fit(
         file = Path(text.partition("::")[0])
         refuse_overwriting(out / RECORDS, f"--data {file}", file)
     reading = ImportSettings(
-        columns=_columns(column),
-        units=_pairs("--unit", unit),
+        columns=named_columns(column),
+        units=named_texts("--unit", unit),
         ignore=tuple(ignore or ()),
         kind=kind,
         stresses=stresses,
@@ -221,9 +236,7 @@ def fit(
         free=None if free is None else tuple(filter(None, map(str.strip, free.split(",")))),
         control=control,
         points=points,
-        weights={
-            name: _number("--weight", text) for name, text in _pairs("--weight", weight).items()
-        },
+        weights=named_numbers("--weight", weight),
         starts=starts,
         spread=spread,
         seed=seed,
@@ -253,9 +266,9 @@ def fit(
     if as_json:
         print_json(report | {"folder": str(out)})
     elif not quiet:
-        for line in _understood(report):
+        for line in understanding_of_tests(report):
             say(line)
-        show(*_tables(report))
+        show(*result_tables(report))
         for warning in report["warnings"]:
             say(f"note: {warning}")
         say(f"the parameters are in {out / PARAMETERS}")
@@ -263,41 +276,10 @@ def fit(
             say(f"the picture is in {picture}")
 
 
-def _pairs(option: str, texts: Sequence[str] | None) -> dict[str, str]:
-    pairs = {}
-    for text in texts or ():
-        name, sign, value = text.partition("=")
-        if not (sign and name and value):
-            raise ConfigurationError(f"{option} {text!r}: give NAME=VALUE")
-        pairs[name.strip()] = value.strip()
-    return pairs
-
-
-def _columns(texts: Sequence[str] | None) -> dict[str, str]:
-    """Header of each quantity, from QUANTITY=HEADER or HEADER=QUANTITY."""
-    from granbench.laboratory.quantities import QUANTITIES
-
-    columns: dict[str, str] = {}
-    for text in texts or ():
-        first, _, rest = text.partition("=")
-        front, _, last = text.rpartition("=")
-        if first.strip() not in QUANTITIES and last.strip() in QUANTITIES and front:
-            first, rest = last, front
-        columns |= _pairs("--column", [f"{first}={rest}" if rest else text])
-    return columns
-
-
-def _number(option: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError as error:
-        raise ConfigurationError(f"{option}: {text!r} is not a number") from error
-
-
 def _tests(
     data: Sequence[str], leave_out: Sequence[str], reading: "ImportSettings"
 ) -> tuple[list["LaboratoryTest"], list["LaboratoryTest"]]:
-    """The tests that are fitted, and those that are only predicted."""
+    """The tests to fit, and those that are only predicted."""
     from granbench.laboratory import read_selected
 
     tests = [test for text in data for test in read_selected(text, reading)]
@@ -320,15 +302,15 @@ def _tests(
 
 
 def _require_shear(tests: Sequence["LaboratoryTest"], parameters: Sequence[str]) -> None:
-    """Refuse to fit everything to isotropic compression, which knows nothing of strength."""
+    """Refuse to fit all parameters to isotropic compression, which does not determine strength."""
     from granbench.laboratory.laboratory_test import NO_SHEAR
 
     if tests and not any(test.is_sheared for test in tests):
         raise ConfigurationError(
             f"{tests[0].source}: {'the test has' if len(tests) == 1 else 'the tests have'} no "
-            f"shear, q stays below {100.0 * NO_SHEAR:g} % of p, so that strength and shear "
-            "stiffness cannot be found; add a test with shear, or name what compression alone "
-            f"tells with --free, of {', '.join(parameters)}"
+            f"shear, q stays below {100.0 * NO_SHEAR:g} % of p, so strength and shear stiffness "
+            "cannot be found; add a test with shear, or name the parameters that compression "
+            f"determines with --free: {', '.join(parameters)}"
         )
 
 
@@ -350,78 +332,14 @@ def _write(
     if all(test.is_complete for test in every):
         names = [test.name for test in left_out]
         write_records(to_records(every, left_out=names), out / RECORDS)
-    # The last of the results: whoever finds it finds the others as well.
+    # Written last: if it is there, so are the other results.
     write_parameters(found.cell, out / PARAMETERS)
-
-
-def _understood(report: dict[str, Any]) -> Iterator[str]:
-    """How each test was understood, for the terminal; of many, the first ones."""
-    for test in report["tests"][:MOST_TESTS_SHOWN]:
-        void_ratio = test["initial_void_ratio"]
-        parts = [f"{test['kind']} ({test['kind_from']})" if test["kind_from"] else test["kind"]]
-        parts += [test[key] for key in ("drainage", "stresses") if test[key]]
-        parts.append(f"p0 = {test['initial_mean_stress'] / 1e3:.6g} kPa")
-        parts += [] if void_ratio is None else [f"e0 = {void_ratio:.4g}"]
-        parts += [f"{test['strain_measure']} strain"] if test["strain_measure"] else []
-        parts += test["notes"]
-        if test["columns_not_used"]:
-            parts.append(f"columns not used: {', '.join(test['columns_not_used'])}")
-        parts.append(f"{test['points']} rows read, {test['points_used']} used")
-        yield f"{test['name']}: {'; '.join(parts)}"
-    if (more := len(report["tests"]) - MOST_TESTS_SHOWN) > 0:
-        yield f"{more} more tests: see tests in fit.json"
 
 
 def _figure(found: "Fit") -> "Figure":
     from granbench.plotting.fit import fit_figure
 
     return fit_figure({found.cell.name: found.curves})
-
-
-def _tables(report: dict[str, Any]) -> Iterator[Table]:
-    table = _plain(f"{report['model']}: error {100.0 * report['error']:.3g} % of the range")
-    for heading in ("parameter", "symbol", "value", "95 % interval", "unit", ""):
-        table.add_column(heading, justify="right" if heading in ("value",) else "left")
-    for row in report["parameters"]:
-        interval = row["interval_95"]
-        shown = (
-            "–"
-            if interval is None or None in interval
-            else f"{interval[0]:.4g} to {interval[1]:.4g}"
-        )
-        known = _known(row)
-        table.add_row(row["name"], row["symbol"], f"{row['value']:.6g}", shown, row["units"], known)
-    yield table
-    table = _plain("error of each test, % of the range of what was measured")
-    quantities = list(
-        dict.fromkeys(name for row in report["errors"] for name in row["by_quantity"])
-    )
-    for heading in ("test", "", "error", *(name.replace("_", "\n") for name in quantities)):
-        table.add_column(heading, justify="left" if heading in ("test", "") else "right")
-    for row in report["errors"]:
-        parts = [row["by_quantity"].get(name) for name in quantities]
-        shown_parts = ["–" if part is None else f"{100.0 * part:.3g}" for part in parts]
-        role = "" if row["role"] == "fitted" else row["role"]
-        error = f"{100.0 * row['error']:.3g}"
-        table.add_row(printable(row["test"]), role, error, *shown_parts)
-    yield table
-
-
-def _known(row: dict[str, Any]) -> str:
-    """How well the tests fix a parameter, where that is not what its interval says."""
-    if not row["free"]:
-        return "held"
-    if row["identifiable"] is False:
-        return "not identified"
-    low, high = row["interval_95"]
-    if low is None or high is None:
-        return "hardly identified"
-    wide = high - low > WIDE * abs(row["value"]) or 0.0 < VAST * low < high
-    return "hardly identified" if wide else ""
-
-
-def _plain(title: str) -> Table:
-    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
 
 
 @contextmanager

@@ -14,15 +14,17 @@ from granbench.cells.check import checked_cell, spread_rows
 from granbench.cells.contract import MaterialCell
 from granbench.cells.user_code import user_code
 from granbench.cells.work_budget import WorkExceeded, work_budget
-from granbench.element_test.driven_model import ModelChoice
 from granbench.element_test.run import ElementTest, Failure, run_test
+from granbench.element_test.start import ModelChoice
 from granbench.errors import ConfigurationError
 from granbench.paths.answer_files import answer_records
-from granbench.paths.mixed_control import DIRECTIONS, MixedControl
+from granbench.paths.mixed_control import MixedControl
+from granbench.paths.path_columns import STRAIN, STRESS
 from granbench.paths.programme import Floats, LoadingProgramme
-from granbench.paths.strain_files import STRAIN, STRESS, PathTable
+from granbench.paths.strain_files import PathTable
 from granbench.tensors import (
     COMPONENT_ORDERS,
+    PRINCIPAL_DIRECTIONS,
     component_order,
     least_principal,
     mean_stress,
@@ -107,7 +109,7 @@ class Course:
             is not defined for it.
         """
         _same_order(table.source, table.order, cell)
-        if getattr(cell, "pressure_dependent", False):
+        if cell.pressure_dependent:
             _refuse_tension(table, cell.name)
         control, added = table.control(start)
         return cls(control, "prescribed", _rows_of(table, added), added)
@@ -138,7 +140,7 @@ class Course:
         """
         control = MixedControl.of_programme(programme, history, order)
         driving = programme.driving_component or ""
-        component = DIRECTIONS[order].get(driving, driving) or None
+        component = PRINCIPAL_DIRECTIONS[order].get(driving, driving) or None
         family = programme.loading_family
         if table is not None:
             added = len(history) - len(table.values)
@@ -317,7 +319,7 @@ def drive(
         ) from None
     if test.failures:
         raise ConfigurationError(_failed(test.failures, test, course, cell.name))
-    if getattr(cell, "pressure_dependent", False) and "void_ratio" in test.internals:
+    if cell.pressure_dependent and "void_ratio" in test.internals:
         _refuse_lost_voids(test.internals["void_ratio"], course, cell.name)
     records = answer_records(
         cell.order,

@@ -14,7 +14,8 @@ from torch import Tensor
 
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.cells.difference_tangent import with_cheap_tangent
-from granbench.element_test.stress_control import Patience, StressControl, finite, surviving
+from granbench.cells.robust_runs import finite_points, robust_call
+from granbench.element_test.stress_control import IterationLimits, StressControl
 from granbench.errors import ConfigurationError
 from granbench.paths.mixed_control import MixedControl
 
@@ -82,7 +83,7 @@ def run_test(
     start: Conditions | Tensor,
     *,
     tolerance: float | None = None,
-    patience: Patience | None = None,
+    patience: IterationLimits | None = None,
     on_step: Callable[[int], None] | None = None,
 ) -> ElementTest:
     """Take a cell through a test.
@@ -128,7 +129,7 @@ def run_test(
         )
     with torch.no_grad():
         state = start if isinstance(start, Tensor) else cell.initial_state(start)
-        driver = _Driver(cell, control, state, tolerance, patience or Patience())
+        driver = _Driver(cell, control, state, tolerance, patience or IterationLimits())
         for step in range(1, control.steps):
             driver.advance(step)
             if on_step is not None:
@@ -145,7 +146,7 @@ class _Driver:
         control: MixedControl,
         state: Tensor,
         tolerance: float,
-        patience: Patience,
+        patience: IterationLimits,
     ) -> None:
         self.cell = cell
         points, _, controls = control.targets.shape
@@ -177,8 +178,8 @@ class _Driver:
         change = self.driven[:, step] - self.driven[:, step - 1]
         change = torch.where(self.alive[:, None], change, 0.0)
         if self.followed.shape[1] == 0:
-            stress, after, *_ = surviving(self.cell.step, change.to(self.cell.dtype), self.state)
-            done = self.alive & finite(stress) & finite(after)
+            stress, after, *_ = robust_call(self.cell.step, change.to(self.cell.dtype), self.state)
+            done = self.alive & finite_points(stress) & finite_points(after)
             self._accept(done, stress, after)
             error = torch.where(done, 0.0, torch.nan).double()
             increments = torch.ones_like(error)

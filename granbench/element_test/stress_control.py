@@ -8,24 +8,21 @@ Newton's method on x in ``dstrain = driven + free @ x``, for all points of a bat
 with a = 1, or less where that does not lessen r. Every trial starts from the same stored state.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from granbench.cells.contract import FLOATING_FAILURES, MaterialCell
+from granbench.cells.contract import MaterialCell
+from granbench.cells.robust_runs import finite_points, robust_call
 from granbench.cells.work_budget import spend
 
 ARMIJO = 1e-4
 """Share of the error that a full Newton step takes off at least; a shorter one, in proportion."""
 
-Answer = Callable[[Tensor, Tensor], tuple[Tensor, ...]]
-"""A cell's `step` or `tangent`."""
-
 
 @dataclass(frozen=True)
-class Patience:
+class IterationLimits:
     """How much is tried before a point is given up.
 
     Parameters
@@ -86,7 +83,7 @@ class StressControl:
     free: Tensor
     held: Tensor
     tolerance: float
-    patience: Patience
+    patience: IterationLimits
 
     def freed(self, x: Tensor) -> Tensor:
         """Strain (point, component) of free strains (point, control)."""
@@ -159,53 +156,23 @@ class _Increment:
     def trial(self, x: Tensor, where: Tensor) -> Trial:
         """What the cell answers to free strains."""
         spend()
-        stress, after, *_ = surviving(self.control.cell.step, self._strain(x, where), self.state)
+        stress, after, *_ = robust_call(self.control.cell.step, self._strain(x, where), self.state)
         residual = self.control.combined(stress) - self.target
         scale = torch.where(self.scale > 0.0, self.scale, stress.double().abs().amax(dim=1))
         error = residual.abs().amax(dim=1) / torch.where(scale > 0.0, scale, 1.0)
-        sound = finite(stress) & finite(after)
+        sound = finite_points(stress) & finite_points(after)
         return Trial(x, stress, after, residual, torch.where(sound, error, torch.inf))
 
     def newton_step(self, at: Trial, where: Tensor) -> Tensor:
         """(held C free)^-1 r, (point, control); zero where that is undefined or not asked for."""
         control = self.control
-        *_, stiffness = surviving(control.cell.tangent, self._strain(at.x, where), self.state)
+        *_, stiffness = robust_call(control.cell.tangent, self._strain(at.x, where), self.state)
         matrix = control.held @ stiffness.double() @ control.free
         step, _ = torch.linalg.solve_ex(matrix.nan_to_num(), at.residual.nan_to_num())
-        defined = where & finite(step) & at.error.isfinite()
+        defined = where & finite_points(step) & at.error.isfinite()
         return torch.where(defined[:, None], step, 0.0)
 
     def _strain(self, x: Tensor, where: Tensor) -> Tensor:
         """What the cell is given; zero, which costs it least, at points not asked for."""
         dstrain = torch.where(where[:, None], self.driven + self.control.freed(x), 0.0)
         return dstrain.to(self.control.cell.dtype)
-
-
-def finite(values: Tensor) -> Tensor:
-    """Whether all entries of a point are finite, (point,)."""
-    return torch.isfinite(values).all(dim=1)
-
-
-def surviving(answer: Answer, dstrain: Tensor, state: Tensor) -> tuple[Tensor, ...]:
-    """What a cell answers, NaN at a point for which it raises.
-
-    Such a point does not take others down: the batch is halved until it is alone.
-
-    Parameters
-    ----------
-    answer : `step` or `tangent` of a cell
-    dstrain, state : (point, ...)
-    """
-    try:
-        return answer(dstrain, state)
-    except FLOATING_FAILURES:
-        points, components = dstrain.shape
-    if points == 1:
-        shapes = (dstrain.shape, state.shape, (1, components, components))
-        return tuple(dstrain.new_full(shape, torch.nan) for shape in shapes)
-    middle = points // 2
-    halves = [
-        surviving(answer, dstrain[part], state[part])
-        for part in (slice(0, middle), slice(middle, points))
-    ]
-    return tuple(torch.cat(parts) for parts in zip(*halves, strict=False))

@@ -26,8 +26,8 @@ import numpy as np
 import torch
 
 from granbench.errors import AnalysisError
+from granbench.fem.assembled_loading import AssembledLoading
 from granbench.fem.gauss_points import GaussPoints
-from granbench.fem.loading import AssembledLoading
 from granbench.fem.mesh import Floats
 from granbench.fem.operators import Operators, product
 from granbench.fem.result import Recorder

@@ -27,6 +27,15 @@ except ImportError:  # it is scipy's own affair, and may move
     csr_matvec = None
 
 from granbench.fem.mesh import Floats, PlaneMesh
+from granbench.tensors import (
+    COMPONENT_ORDERS,
+    contraction_weights,
+    normal_mask,
+    volumetric_strain,
+)
+
+ORDER = "plane"
+"""Component order of strain and stress in plane strain."""
 
 
 def compression_positive(symmetric_gradient: Floats) -> Floats:
@@ -126,7 +135,8 @@ class Operators:
 
     def volumetric_strain(self, strain: Floats) -> float:
         """Mean volumetric strain of the body from strain (3, point), compression positive."""
-        return float((strain[0] + strain[1]) @ self.volumes / self.volumes.sum())
+        volumetric = volumetric_strain(strain.T, ORDER)
+        return float(volumetric @ self.volumes / self.volumes.sum())
 
 
 def build_operators(mesh: PlaneMesh, *, b_bar: bool = False) -> Operators:
@@ -143,19 +153,19 @@ def build_operators(mesh: PlaneMesh, *, b_bar: bool = False) -> Operators:
     gradients = np.stack([shape[0].grad for shape in basis.basis])  # (local, direction, el, gp)
     dx, dy = np.moveaxis(gradients, 0, -1)  # each (element, Gauss point, local)
     zero = np.zeros_like(dx)
-    rows = [
-        np.concatenate(pair, axis=-1)
-        for pair in ((dx, zero), (zero, dy), (0.5 * dy, 0.5 * dx))  # xx, yy, tensor shear xy
-    ]
+    # What the displacements in x and in y give to each component; xy is the tensor shear.
+    gradient = {"xx": (dx, zero), "yy": (zero, dy), "xy": (0.5 * dy, 0.5 * dx)}
+    rows = [np.concatenate(gradient[label], axis=-1) for label in COMPONENT_ORDERS[ORDER]]
     local = np.stack(rows, axis=2)  # (element, Gauss point, component, 2 local)
     weights = basis.dx
     if b_bar:
-        trace = local[:, :, 0] + local[:, :, 1]
+        trace = volumetric_strain(np.moveaxis(local, 2, -1), ORDER)
         mean = np.einsum("eg,egl->el", weights, trace) / weights.sum(axis=1)[:, None]
-        local[:, :, :2] += 0.5 * (mean[:, None] - trace)[:, :, None]
+        normal = np.array(normal_mask(ORDER))[:, None]
+        local += 0.5 * (mean[:, None] - trace)[:, :, None] * normal
     local = compression_positive(local)
     elements, per_element, _, width = local.shape
-    weighted = local * weights[:, :, None, None] * np.array([1.0, 1.0, 2.0])[:, None]
+    weighted = local * weights[:, :, None, None] * np.array(contraction_weights(ORDER))[:, None]
     dofs = np.concatenate([mesh.element_nodes, mesh.element_nodes + len(mesh.nodes)], axis=1)
     strain = _global(local, dofs, 2 * len(mesh.nodes))
     force = _compact(csr_array(_global(weighted, dofs, 2 * len(mesh.nodes)).T))

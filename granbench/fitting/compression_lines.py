@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from granbench.fitting.observations import TestBatch
+from granbench.fitting.test_batch import TestBatch
 
 LAMBDA, KAPPA = "compression_slope", "swelling_slope"
 INTERCEPTS = ("compression_intercept", "low_pressure_intercept")

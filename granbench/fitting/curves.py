@@ -7,9 +7,9 @@ import numpy as np
 import xarray as xr
 from torch import Tensor
 
-from granbench.fitting.observations import TestBatch
-from granbench.fitting.problem import LOST
+from granbench.fitting.least_squares import LOST
 from granbench.fitting.rollouts import Prediction
+from granbench.fitting.test_batch import TestBatch
 from granbench.tensors import mean_stress, volumetric_strain
 
 CURVES = {

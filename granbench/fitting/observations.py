@@ -1,105 +1,32 @@
-"""Tests as a fit sees them: what drives the model, and the numbers that it should answer with.
+"""Laboratory tests as batches for a fit: what drives the model, and the measured values to compare.
 
-A batch holds tests of one kind of control, so that all of them run as one; what is compared is a
-linear map of stress and strain, which makes both kinds of control one code.
+A batch holds tests of one kind of control, so that all of them run at once; the compared quantities
+are linear in stress and strain, so that one code serves every kind of control.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
-from torch import Tensor
 
 from granbench.cells.contract import Conditions
-from granbench.errors import ConfigurationError
+from granbench.errors import ConfigurationError, Setting
+from granbench.fitting.settings import CONTROLS
+from granbench.fitting.test_batch import Floats, TestBatch
 from granbench.laboratory import LaboratoryTest
 from granbench.laboratory.laboratory_test import HELD_LATERAL_STRESS
 from granbench.paths.mixed_control import MixedControl
 from granbench.tensors import COMPONENT_ORDERS
 
-Floats = NDArray[np.float64]
-
-CONTROLS = ("auto", "strain", "mixed")
-
 LARGEST_STRESS_STEP = 1.3
-"""Factor by which the axial stress of an oedometer test grows or falls at most in a step: loads are
-doubled there, which is a lot for one increment."""
+"""Largest factor by which the axial stress of an oedometer test changes in a step: the tests double
+their loads, which is too much for one increment."""
 VOLUME_FLOOR = 0.02
-"""Share of the axial strain that the range of the volumetric strain counts as at least: a volume
-that hardly changes would be compared to its own noise."""
+"""Smallest range of the volumetric strain, as a share of the axial strain: a volume that hardly
+changes would be compared with its own noise."""
 
 MIXED_QUANTITIES = ("deviatoric_stress", "volumetric_strain")
-
-
-@dataclass(frozen=True)
-class TestBatch:
-    """Tests of one kind of control; shorter ones repeat their last point, with weight zero.
-
-    Parameters
-    ----------
-    names : of the tests
-    kind : of control: `strain`, `mixed`, or `oedometer`, in which the axial stress drives
-    control : what is prescribed, (test, step, ...)
-    conditions : what is known at step 0, of every test
-    quantities : what is compared
-    stress_map, strain_map : (quantity, component); a quantity is
-        ``stress_map @ stress + strain_map @ strain``
-    observed : (test, step, quantity), measured; zero where it was not
-    scale : (test, quantity), range that errors are divided by
-    weight : (test, step, quantity); zero at step 0, where nothing is predicted, at repeated
-        points and where nothing was measured
-    """
-
-    names: tuple[str, ...]
-    kind: str
-    control: MixedControl
-    conditions: Conditions
-    quantities: tuple[str, ...]
-    stress_map: Tensor
-    strain_map: Tensor
-    observed: Tensor
-    scale: Tensor
-    weight: Tensor
-
-    __test__ = False  # pytest would take it for tests of its own
-
-    @property
-    def size(self) -> int:
-        """Number of tests."""
-        return len(self.names)
-
-    @property
-    def residual_weight(self) -> Tensor:
-        """(test, step, quantity), by which a difference is multiplied to be a residual.
-
-        The squares of a test's weights sum to one, so a fit's sum of squares is the sum over
-        tests of their squared errors, however many points each has.
-        """
-        total = (self.weight**2).sum(dim=(1, 2), keepdim=True)
-        return self.weight / total.sqrt() / self.scale[:, None]
-
-    def quantity(self, stress: Tensor, strain: Tensor) -> Tensor:
-        """What is compared, (..., quantity), of stress and strain (..., component)."""
-        return stress @ self.stress_map.T + strain @ self.strain_map.T
-
-    def repeated(self, times: int) -> "tuple[MixedControl, Conditions]":
-        """Control and conditions of `times` copies of the batch, copy by copy."""
-
-        def again(array: Floats) -> Floats:
-            return np.tile(array, (times, *(1,) * (array.ndim - 1)))
-
-        control, known = self.control, self.conditions
-        copies = MixedControl(
-            control.order,
-            again(control.driven),
-            again(control.free),
-            again(control.held),
-            again(control.targets),
-        )
-        scalars = {name: value.repeat(times) for name, value in known.scalars.items()}
-        return copies, Conditions(known.stress.repeat(times, 1), scalars)
 
 
 def batches_of(
@@ -116,8 +43,8 @@ def batches_of(
     tests : in any order
     control : `strain`: the measured strain drives, all stresses are compared. `mixed`: the axial
         strain drives, the lateral stresses are held at what was measured, q and the volumetric
-        strain are compared. `auto`: mixed wherever the lateral strain answered to a lateral
-        stress, for there the stiffness would amplify the noise of the measured lateral strain.
+        strain are compared. `auto`: mixed where the lateral stress was prescribed, because there
+        the stiffness would amplify the noise of the measured lateral strain.
         An oedometer test whose lateral stress was not measured is driven by its axial stress, and
         its axial strain is compared.
     points : to which a test is thinned; None for all
@@ -126,10 +53,12 @@ def batches_of(
     Raises
     ------
     ConfigurationError
-        If the control is unknown or impossible for a test, or a weight makes no sense.
+        If the control is unknown or impossible for a test, or a weight is out of range.
     """
     if control not in CONTROLS:
-        raise ConfigurationError(f"control {control!r} is unknown; use {', '.join(CONTROLS)}")
+        raise ConfigurationError(
+            Setting("control", control), f" is unknown; use {', '.join(CONTROLS)}"
+        )
     groups: dict[str, list[LaboratoryTest]] = {"mixed": [], "strain": [], "oedometer": []}
     for test in tests:
         groups[_control_of(test, control)].append(test if points is None else test.thinned(points))
@@ -142,22 +71,27 @@ def _control_of(test: LaboratoryTest, control: str) -> str:
     if not test.lateral_stress_known:
         if control != "auto":
             raise ConfigurationError(
-                f"{test.source}: its lateral stress was not measured, so that its axial stress "
-                "drives; use --control auto"
+                f"{test.source}: its lateral stress was not measured, so its axial stress drives "
+                "the model; use ",
+                Setting("control", "auto"),
             )
         return "oedometer"
-    answering = test.kind in HELD_LATERAL_STRESS
+    held = test.kind in HELD_LATERAL_STRESS
     if control == "auto":
-        return "mixed" if answering else "strain"
-    if control == "mixed" and not answering:
+        return "mixed" if held else "strain"
+    if control == "mixed" and not held:
         raise ConfigurationError(
             f"{test.source}: a test of the kind {test.kind} prescribes its lateral strain, so its "
-            "lateral stress cannot be held; use --control strain or auto"
+            "lateral stress cannot be held; use ",
+            Setting("control", "strain"),
+            " or auto",
         )
     if control == "strain" and not test.lateral_strain_known:
         raise ConfigurationError(
             f"{test.source}: its lateral strain was not measured, so it cannot drive the model; "
-            "use --control mixed or auto"
+            "use ",
+            Setting("control", "mixed"),
+            " or auto",
         )
     return control
 
@@ -209,7 +143,7 @@ def strain_batch(
     """
     components = COMPONENT_ORDERS[order]
     count = len(components)
-    # One scale for all components, or the noise of a constant one would be blown up.
+    # One scale for all components, or the noise of a constant one would be amplified.
     scale = np.ptp(stress, axis=1).max(axis=1, keepdims=True)
     largest = np.abs(stress).max(axis=(1, 2))[:, None]
     scale = np.where(scale > 0.0, scale, np.where(largest > 0.0, largest, 1.0))
@@ -306,21 +240,24 @@ def _oedometer_steps(test: LaboratoryTest) -> tuple[Floats, Floats, Floats]:
 def _weighted(
     batch: TestBatch, weights: Mapping[str, float], batches: Sequence[TestBatch]
 ) -> TestBatch:
-    """The batch with weights of its quantities."""
+    """The batch with the given weights of its quantities."""
     known = [name for one in batches for name in one.quantities]
     for name, value in weights.items():
         if name not in known:
             raise ConfigurationError(
-                f"--weight {name}: there is no quantity {name!r} to weigh; these tests compare "
-                f"{', '.join(dict.fromkeys(known))}"
+                Setting("weights", {name: value}),
+                f": there is no quantity {name!r} in these tests; use "
+                f"{', '.join(dict.fromkeys(known))}",
             )
         if not 0.0 <= value < float("inf"):
-            raise ConfigurationError(f"--weight {name}={value:g} must be a number, not negative")
+            raise ConfigurationError(
+                Setting("weights", {name: value}), " must be finite and not negative"
+            )
     factors = torch.tensor([weights.get(name, 1.0) for name in batch.quantities]).double()
     weight = batch.weight * factors
     if not (weight > 0.0).flatten(1).any(dim=1).all():
         raise ConfigurationError(
-            "the weights leave nothing of a test to compare; give one of its quantities a --weight "
-            "above 0"
+            Setting("weights"),
+            " of all quantities of a test are zero; give one of them a weight above 0",
         )
-    return TestBatch(**(vars(batch) | {"weight": weight}))
+    return replace(batch, weight=weight)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from granbench.fitting.problem import Problem
+from granbench.fitting.least_squares import LeastSquares
 
 LONGEST_STEP = 1.0
 """Of a Levenberg-Marquardt step in any parameter: a factor e of a positive one."""
@@ -69,7 +69,7 @@ OnIteration = Callable[[str, int, float], None]
 """Called with the stage, its iteration and the lowest cost."""
 
 
-def adam(problem: Problem, vectors: Tensor, effort: Effort, on: OnIteration | None) -> Tensor:
+def adam(problem: LeastSquares, vectors: Tensor, effort: Effort, on: OnIteration | None) -> Tensor:
     """The vectors (start, parameter) after a descent along back-propagated gradients.
 
     Of every start the best vector that was met is returned: a step that the model cannot follow
@@ -102,7 +102,7 @@ def adam(problem: Problem, vectors: Tensor, effort: Effort, on: OnIteration | No
 
 
 def levenberg_marquardt(
-    problem: Problem,
+    problem: LeastSquares,
     vectors: Tensor,
     effort: Effort,
     on: OnIteration | None = None,
@@ -145,7 +145,7 @@ class _Search:
     """
 
     def __init__(
-        self, problem: Problem, vectors: Tensor, offset: Tensor | None, tolerance: float
+        self, problem: LeastSquares, vectors: Tensor, offset: Tensor | None, tolerance: float
     ) -> None:
         count, size = vectors.shape
         self._problem, self._tolerance = problem, tolerance

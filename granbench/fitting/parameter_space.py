@@ -14,7 +14,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from granbench.errors import ConfigurationError, alternatives
+from granbench.errors import ConfigurationError, Setting, alternatives
 from granbench.models import ClassicalCell
 from granbench.models.parameters import Parameter
 
@@ -45,12 +45,14 @@ class ParameterSpace:
         for name in free or ():
             if name not in table:
                 raise ConfigurationError(
-                    f"--free {name}: {cell.name} has no parameter {name!r} to fit; "
-                    f"{alternatives(name, table)}"
+                    Setting("free", (name,)),
+                    f": {cell.name} has no parameter {name!r}; {alternatives(name, table)}",
                 )
         names = tuple(name for name in table if free is None or name in free)
         if not names:
-            raise ConfigurationError(f"no parameter of {cell.name} is free; name one with --free")
+            raise ConfigurationError(
+                f"no parameter of {cell.name} is free; name one with ", Setting("free")
+            )
         return cls(cell, names)
 
     @property
@@ -136,7 +138,7 @@ def with_parameters(
     free : () or (point,) by name; they may carry gradients of either mode
     action : called with the cell
     """
-    # The others without their gradient, which nobody asks for and which would cost a graph.
+    # The others without gradients, which are not needed and would cost a graph.
     fixed = {name: value.detach() for name, value in cell.free.items()}
     replaced = {f"cell.free.{name}": value for name, value in {**fixed, **free}.items()}
     return torch.func.functional_call(_Holder(cell), replaced, (action,))

@@ -1,4 +1,4 @@
-"""What a fit leaves behind: a report as JSON, curves as CSV, a picture, records to score on."""
+"""Results of a fit as files: a report as JSON, and curves as CSV."""
 
 import csv
 import json
@@ -11,7 +11,8 @@ import numpy as np
 from granbench import __version__
 from granbench.errors import ConfigurationError
 from granbench.files.whole_file import whole_file
-from granbench.fitting.fitting import Fit, FitSettings
+from granbench.fitting.fitting import Fit
+from granbench.fitting.settings import FitSettings
 from granbench.laboratory import LaboratoryTest
 from granbench.laboratory.laboratory_test import NO_SHEAR
 from granbench.models import ClassicalCell
@@ -25,10 +26,9 @@ def report_of(
     tests: Sequence[LaboratoryTest],
     left_out: Sequence[LaboratoryTest],
 ) -> dict[str, Any]:
-    """The fit as what JSON can hold: SI units, errors as shares of a quantity's range.
+    """The fit as data for JSON: SI units, errors as shares of the range of a quantity.
 
-    A number that is not known, such as the correlation of parameters on which nothing depends, is
-    None.
+    An unknown number, such as the correlation of parameters without influence, is None.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def _report(
 
 
 def _of_test(test: LaboratoryTest, points: int) -> dict[str, Any]:
-    """How a test was understood."""
+    """The interpretation of a test."""
     understood = test.interpretation
     return {
         "name": test.name,
@@ -143,28 +143,28 @@ def _of_test(test: LaboratoryTest, points: int) -> dict[str, Any]:
 
 
 def _thinned(tests: Sequence[LaboratoryTest], points: int) -> list[str]:
-    """Where the reversals of a test are more than the points that were asked for."""
+    """A warning for every test with more reversals than points."""
     return [
-        f"test {test.name} turns round so often that {used} of its {test.steps} rows were used "
-        f"instead of {points}: no reversal is left out"
+        f"test {test.name} has so many reversals that {used} of its {test.steps} rows were used "
+        f"instead of {points}: every reversal is kept"
         for test in tests
         if (used := test.thinned(points).steps) > points
     ]
 
 
 def _gaps(cell: ClassicalCell, tests: Sequence[LaboratoryTest]) -> list[str]:
-    """What the fitted tests leave open for the model, one sentence each."""
+    """What the fitted tests do not determine, one sentence each."""
     found = []
     if unsheared := [test.name for test in tests if not test.is_sheared]:
         found.append(
             f"no shear in {', '.join(unsheared)}: q stays below {100.0 * NO_SHEAR:g} % of p, so "
-            "that nothing is learnt there of strength and shear stiffness"
+            "they do not determine strength and shear stiffness"
         )
     without = [test.name for test in tests if test.void_ratio is None]
     if "void_ratio" in cell.internal_variables and 0 < len(without) < len(tests):
         found.append(
             f"no void ratio in {', '.join(without)}: tests that run together start without any "
-            "where one lacks it; add the column, or give --e0"
+            "if one lacks it; add the column, or give the initial void ratio"
         )
     return found
 

@@ -22,17 +22,17 @@ from torch import Tensor
 
 from granbench.cells.contract import Conditions
 from granbench.element_test.run import run_test
-from granbench.element_test.stress_control import Patience
+from granbench.element_test.stress_control import IterationLimits
 from granbench.fitting.cell_of_each_point import CellOfEachPoint
-from granbench.fitting.observations import TestBatch
 from granbench.fitting.parameter_space import ParameterSpace, with_parameters
+from granbench.fitting.test_batch import TestBatch
 from granbench.models import ClassicalCell
 
 HELD_TOLERANCE = 3e-4
 """Of the held stresses, relative: finer than any cell pressure is held, and coarser than the error
 of a model that controls its own, below which its stress is no smooth function of the strain."""
 
-PATIENCE = Patience(iterations=10, halvings=3, smallest_share=0.25, refusals=2)
+PATIENCE = IterationLimits(iterations=10, halvings=3, smallest_share=0.25, refusals=2)
 """A search meets many parameters with which the model cannot follow a test; to be sure that it
 cannot would take longer than all that can."""
 

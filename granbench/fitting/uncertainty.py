@@ -8,9 +8,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from granbench.fitting.observations import TestBatch
+from granbench.fitting.least_squares import LeastSquares
 from granbench.fitting.optimisation import FARTHEST, Effort, levenberg_marquardt
-from granbench.fitting.problem import Problem
+from granbench.fitting.test_batch import TestBatch
 
 Floats = NDArray[np.float64]
 
@@ -113,7 +113,7 @@ def laplace(
 
 
 def bootstrap(
-    problem: Problem, vector: Tensor, residual: Tensor, count: int, seed: int, effort: Effort
+    problem: LeastSquares, vector: Tensor, residual: Tensor, count: int, seed: int, effort: Effort
 ) -> Uncertainty:
     """Intervals from fits to resampled errors, all in one batch.
 

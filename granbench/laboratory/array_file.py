@@ -1,4 +1,4 @@
-"""The arrays of .npz files, whose declared sizes are checked before anything is allocated."""
+"""Reading of .npz files; the declared sizes are checked before anything is allocated."""
 
 import math
 import zipfile
@@ -15,15 +15,15 @@ from granbench.files.bounded_reading import read_bounded
 from granbench.files.input_file import require_archive
 
 MOST_UNPACKED = 256_000_000
-"""Bytes of all arrays of a file."""
+"""Largest size of all arrays of a file, bytes."""
 MOST_TESTS = 10_000
-"""Tests that one file may hold."""
+"""Largest number of tests in one file."""
 
 Arrays = Mapping[str, NDArray]
 
 
 def read_arrays(path: Path) -> dict[str, NDArray]:
-    """The arrays of an .npz file by name; numbers and texts, no objects.
+    """The arrays of an .npz file by name; numbers and text, no objects.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def read_arrays(path: Path) -> dict[str, NDArray]:
 
 
 def arrays_of(path: str) -> dict[str, NDArray]:
-    """What `read_arrays` gives, without bounds on memory and time."""
+    """The arrays of an .npz file, read without bounds on memory and time; see `read_arrays`."""
     try:
         with zipfile.ZipFile(path) as archive:
             require_archive(archive, path, DatasetError, MOST_UNPACKED)
@@ -76,8 +76,7 @@ def _array(file: IO[bytes], size: int, source: str) -> NDArray:
         ) from problem
     if dtype.kind not in "biufU":
         raise DatasetError(
-            f"{source} is of the type {dtype}, which is neither numbers nor texts; save it as "
-            "numbers"
+            f"{source} has the type {dtype}, which is neither numbers nor text; save it as numbers"
         )
     declared, held = math.prod(shape) * dtype.itemsize, size - file.tell()
     if declared != held or min(shape, default=1) < 0:
@@ -92,13 +91,13 @@ def _array(file: IO[bytes], size: int, source: str) -> NDArray:
 def require_shape(
     path: Path, arrays: Arrays, name: str, shape: tuple[int | str, ...]
 ) -> tuple[int, ...]:
-    """The shape of an array of numbers, if it is as it should be.
+    """The shape of an array of numbers, checked against the required one.
 
     Parameters
     ----------
     path : of the file, for the error
     arrays : with the array `name`
-    shape : a number where the length is given, a word where it is free but not zero; the same
+    shape : for each dimension its length, or a word if the length is free but not zero; the same
         word stands for the same length
 
     Raises

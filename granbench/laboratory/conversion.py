@@ -13,7 +13,7 @@ from granbench.records import describe
 from granbench.tensors import COMPONENT_ORDERS
 
 LOADING_FAMILIES = {"triaxial-drained": "constant-sigma3"}
-"""Names that particle datasets have for the same loading, by the kind of test."""
+"""Name of the same loading in particle datasets, by kind of test."""
 
 STEPS = 201
 
@@ -34,8 +34,8 @@ def to_records(
     left_out : names of the tests that make the split `test`; the others are `train`
     name : of the dataset
     licence : of the data
-    steps : of every path; the tests are interpolated linearly along their curve to as many, or
-        to more where one of them has more reversals: all of them are kept
+    steps : of every path; the tests are interpolated linearly along their curve to that number, or
+        to more if one of them has more reversals, since every reversal is kept
 
     Raises
     ------
@@ -45,17 +45,17 @@ def to_records(
     names = [test.name for test in tests]
     if not tests or len(set(names)) < len(names):
         raise DatasetError(
-            f"{len(tests)} tests of the names {', '.join(names) or '(none)'} make no dataset; give "
-            "tests of different names"
+            f"{len(tests)} tests with the names {', '.join(names) or '(none)'}: a dataset needs at "
+            "least one test, and different names"
         )
     if unknown := [test for test in tests if not test.lateral_strain_known]:
         raise DatasetError(
-            f"{unknown[0].source}: the lateral strain is not known, so the test is no complete "
+            f"{unknown[0].source}: the lateral strain is not known, so the test is not a complete "
             "record; add the volumetric strain or the void ratio"
         )
     if unknown := [test for test in tests if not test.lateral_stress_known]:
         raise DatasetError(
-            f"{unknown[0].source}: the lateral stress is not known, so the test is no complete "
+            f"{unknown[0].source}: the lateral stress is not known, so the test is not a complete "
             "record; leave it out"
         )
     steps = max(steps, *(test.reversals for test in tests))
@@ -109,8 +109,8 @@ def from_records(records: xr.Dataset, source: str) -> list[LaboratoryTest]:
     components = tuple(str(label) for label in records["component"].values)
     if components != COMPONENT_ORDERS["principal"]:
         raise DatasetError(
-            f"{source}: has the components {', '.join(components)}, but a test of the laboratory "
-            "has principal ones; give a file with the components 11, 22, 33"
+            f"{source}: has the components {', '.join(components)}, but a laboratory test has "
+            "principal components; give a file with the components 11, 22, 33"
         )
     kinds = {family: kind for kind, family in LOADING_FAMILIES.items()}
     tests = []

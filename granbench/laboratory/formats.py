@@ -1,4 +1,4 @@
-"""The one way to a laboratory file: its format is told from its content."""
+"""Reading of laboratory files, whose format is recognised from their content."""
 
 import zipfile
 from collections.abc import Callable, Mapping
@@ -11,14 +11,14 @@ from granbench.errors import DatasetError
 from granbench.files.input_file import require_file
 from granbench.laboratory import grainlearning, masi, soilmodels
 from granbench.laboratory.array_file import read_arrays
-from granbench.laboratory.assembly import assemble
 from granbench.laboratory.conversion import from_records
+from granbench.laboratory.headers import known_quantity
+from granbench.laboratory.interpretation import laboratory_test_from
 from granbench.laboratory.laboratory_test import LaboratoryTest
-from granbench.laboratory.quantities import known_quantity
 from granbench.laboratory.settings import ImportSettings
 from granbench.records import open_records
 from granbench.tables.table_files import MOST_BYTES, read_table
-from granbench.tables.tables import Column, Table
+from granbench.tables.tables import Table
 from granbench.tables.workbook import read_sheets
 
 ArrayReader = Callable[[Path, Mapping[str, NDArray], ImportSettings], list[LaboratoryTest]]
@@ -40,7 +40,7 @@ def read_tests(path: Path | str, settings: ImportSettings | None = None) -> list
     path : a table as text or in the one sheet of a workbook (.xlsx), a SoilModels protocol
         (.xlsx) or its paths (.npz), GrainLearning's oedometer runs (.npz), Masi's paths (.npz),
         records (.nc)
-    settings : what the file does not say itself
+    settings : of the import, for what the file does not say itself
 
     Returns
     -------
@@ -49,7 +49,7 @@ def read_tests(path: Path | str, settings: ImportSettings | None = None) -> list
     Raises
     ------
     DatasetError
-        In one sentence, naming file, row and column: see `read_table`, `assemble`.
+        In one sentence, naming file, row and column: see `read_table`, `laboratory_test_from`.
     """
     path, settings = Path(path), settings or ImportSettings()
     if not path.exists():
@@ -70,7 +70,7 @@ def read_tests(path: Path | str, settings: ImportSettings | None = None) -> list
 
 
 def read_selected(text: str, settings: ImportSettings | None = None) -> list[LaboratoryTest]:
-    """The tests of a file, or the one that ``FILE::TEST`` names.
+    """The tests of a file, or one of them as ``FILE::TEST``.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def read_selected(text: str, settings: ImportSettings | None = None) -> list[Lab
 
 
 def _array_reader(path: Path, arrays: Mapping[str, NDArray]) -> ArrayReader:
-    """Which of the .npz formats the names and shapes of the arrays are."""
+    """The reader of the .npz format that the names and shapes of the arrays show."""
     names = frozenset(arrays)
     if names >= grainlearning.KEYS:
         return grainlearning.read_oedometer
@@ -96,8 +96,8 @@ def _array_reader(path: Path, arrays: Mapping[str, NDArray]) -> ArrayReader:
     if names >= SOILMODELS_KEYS and arrays["a0"].ndim == 3:
         return soilmodels.read_paths
     raise DatasetError(
-        f"{path}: its arrays {', '.join(sorted(names)[:6]) or '(none)'} belong to no format that "
-        "is known; export the test as CSV with headers such as eps1 [%], q [kPa]"
+        f"{path}: its arrays {', '.join(sorted(names)[:6]) or '(none)'} belong to no known "
+        "format; export the test as CSV with headers such as eps1 [%], q [kPa]"
     )
 
 
@@ -110,20 +110,20 @@ def _table_test(path: Path, settings: ImportSettings) -> LaboratoryTest:
     table = read_table(path, DatasetError, is_known, EXAMPLE, KINDS_OF_FILES)
     names = tuple(column.name for column in table.columns)
     if names == KARLSRUHE_HEADERS:
-        return assemble(_with_void_ratio_as_ratio(table), settings, path.stem, "triaxial-drained")
+        return laboratory_test_from(
+            _with_void_ratio_as_ratio(table), settings, path.stem, "triaxial-drained"
+        )
     if names == grainlearning.TABLE_HEADERS:
         units = {**grainlearning.TABLE_UNITS, **settings.units}
-        settings = ImportSettings(**(vars(settings) | {"units": units}))
-        return assemble(table, settings, path.stem, grainlearning.TABLE_KIND)
-    return assemble(table, settings, path.stem)
+        settings = replace(settings, units=units)
+        return laboratory_test_from(table, settings, path.stem, grainlearning.TABLE_KIND)
+    return laboratory_test_from(table, settings, path.stem)
 
 
 def _with_void_ratio_as_ratio(table: Table) -> Table:
-    """The author files of the Karlsruhe sand say that the void ratio is in %: it is not."""
+    """The table with a void ratio as ratio: the files of the Karlsruhe sand wrongly state %."""
     columns = [
-        Column(column.header, column.name, "-", column.cells)
-        if column.name == "Void ratio"
-        else column
+        replace(column, unit="-") if column.name == "Void ratio" else column
         for column in table.columns
     ]
     return replace(table, columns=columns)

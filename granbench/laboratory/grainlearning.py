@@ -1,10 +1,11 @@
-"""GrainLearning: simulated oedometer tests (.npz), compression positive, stresses in MPa.
+"""Files of GrainLearning: simulated oedometer tests (.npz), compression positive, stresses in MPa.
 
-The drained laboratory test of the same study is a text table like any other, but without units;
-`TABLE_UNITS` are those of it.
+The drained laboratory test of the same study is a text table without units; `TABLE_UNITS` are its
+units.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from granbench.errors import DatasetError
 from granbench.laboratory.array_file import require_few, require_shape
-from granbench.laboratory.assembly import assemble
+from granbench.laboratory.interpretation import laboratory_test_from
 from granbench.laboratory.laboratory_test import LaboratoryTest
 from granbench.laboratory.settings import ImportSettings
 from granbench.tables.tables import Table
@@ -20,7 +21,7 @@ from granbench.tables.tables import Table
 KEYS = frozenset({"data", "keys", "params"})
 TABLE_HEADERS = ("epsilon_axial", "e", "p", "q")
 TABLE_KIND = "triaxial-drained"
-"""By the file's own name, though its lateral stress falls from 0.2 to 0.16 MPa."""
+"""According to the name of the file, although its lateral stress falls from 0.2 to 0.16 MPa."""
 TABLE_UNITS: Mapping[str, str] = {"strain": "-", "stress": "MPa"}
 NEEDED = ("e_x", "e_z", "n", "p", "q")
 
@@ -28,7 +29,7 @@ NEEDED = ("e_x", "e_z", "n", "p", "q")
 def read_oedometer(
     path: Path, arrays: Mapping[str, NDArray], settings: ImportSettings
 ) -> list[LaboratoryTest]:
-    """The oedometer runs of a file.
+    """Read the oedometer runs of a file.
 
     Parameters
     ----------
@@ -39,7 +40,7 @@ def read_oedometer(
     Raises
     ------
     DatasetError
-        If an array has another shape, a quantity is missing, or see `assemble`.
+        If an array has another shape, a quantity is missing, or see `laboratory_test_from`.
 
     Notes
     -----
@@ -50,16 +51,16 @@ def read_oedometer(
     if arrays["keys"].shape != (quantities,):
         raise DatasetError(
             f"{path}: its array 'keys' has the shape {arrays['keys'].shape}, but 'data' has "
-            f"{quantities} quantities; give each its name"
+            f"{quantities} quantities; give one key for each"
         )
     keys = [str(key) for key in arrays["keys"]]
     if lost := [name for name in NEEDED if name not in keys]:
         raise DatasetError(f"{path}: has no quantity {lost[0]!r} among its keys; export it as well")
-    settings = ImportSettings(**(vars(settings) | {"strain_measure": "logarithmic"}))
+    settings = replace(settings, strain_measure="logarithmic")
     tests = []
     for run, series in enumerate(np.asarray(arrays["data"], dtype=float)):
         by_name = dict(zip(keys, series, strict=True))
-        # A porosity of 1 or more gives no void ratio, which is refused below with its row.
+        # A porosity of 1 or more has no void ratio; its row is refused below.
         porosity = np.where(by_name["n"] < 1.0, by_name["n"], np.nan)
         table = Table.of_arrays(
             f"{path}, run {run + 1}",
@@ -78,5 +79,5 @@ def read_oedometer(
                 "void_ratio": "-",
             },
         )
-        tests.append(assemble(table, settings, f"{path.stem}-{run + 1}", "oedometer"))
+        tests.append(laboratory_test_from(table, settings, f"{path.stem}-{run + 1}", "oedometer"))
     return tests

@@ -5,29 +5,30 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from granbench.errors import DatasetError
+from granbench.errors import DatasetError, Setting
+from granbench.laboratory.remedies import column, kind
 from granbench.records.turning_points import spread_places, spread_rows, turning_rows
 from granbench.tensors import deviatoric_stress, mean_stress, volumetric_strain
 
 FEWEST_POINTS = 5
 
 HELD_LATERAL_STRESS = ("triaxial-drained", "constant-p", "uniaxial")
-"""Kinds of test in which the lateral strain answers to a lateral stress."""
+"""Kinds of test with a prescribed lateral stress, so that the lateral strain is free."""
 
 LATERAL_STRAIN_GIVEN = ("triaxial-undrained", "oedometer", "isotropic")
-"""Kinds of test that say what the lateral strain is: no change of volume, none to the sides, or as
-much as the axial one. In none of them is the effective lateral stress constant."""
+"""Kinds of test that prescribe the lateral strain: by constant volume, zero lateral strain, or
+equal strain in all directions. In none of them is the effective lateral stress constant."""
 
 KINDS = (*HELD_LATERAL_STRESS, *LATERAL_STRAIN_GIVEN, "strain")
-"""What may have been controlled: the names of `granbench.paths.standard_tests` where they have
-one; `uniaxial` is a bar without lateral stress, `strain` is whatever else was measured whole."""
+"""What was controlled, under the names of `granbench.paths.standard_tests`; `uniaxial` is a bar
+without lateral stress, `strain` any other test whose strains were all measured."""
 
 CONSTANT_STRESS = 0.05
-"""Relative change of a stress below which it was held: cell pressures wander by some percent."""
+"""Relative change of a stress below which it counts as held: cell pressures drift by some per
+cent."""
 
 NO_STRAIN = 0.01
-"""Share of the axial strain below which another strain was prevented."""
-
+"""Share of the axial strain below which another strain counts as zero."""
 
 NO_SHEAR = 0.01
 """Share of the largest mean stress below which q is noise: the friction of soils lets q reach some
@@ -36,16 +37,16 @@ tenths of p, and load cells are read to a few thousandths."""
 
 @dataclass(frozen=True)
 class Interpretation:
-    """How a file was understood, in words for the user.
+    """How a file was interpreted, in words for the user.
 
     Parameters
     ----------
     kind : where the kind of test comes from
     drainage : `drained`, `undrained` or what else is known
-    stresses : how the stresses came to be effective, and what was assumed
+    stresses : how the effective stresses were obtained, and what was assumed
     strain_measure : of the file, `engineering` or `logarithmic`
-    not_used : headers of columns from which nothing was taken
-    notes : what else was assumed, one sentence each
+    not_used : headers of columns that were not used
+    notes : other assumptions, one sentence each
     """
 
     kind: str
@@ -70,7 +71,7 @@ class LaboratoryTest:
     stress : (step, 3), principal, effective, Pa; in an oedometer test whose lateral stress was
         not measured, the lateral ones are NaN after step 0, where they are assumed
     void_ratio : (step,), or None where it is not known
-    interpretation : how the file was understood; None where nothing was left open
+    interpretation : how the file was interpreted; None where there was nothing to interpret
     """
 
     name: str
@@ -82,11 +83,12 @@ class LaboratoryTest:
     interpretation: Interpretation | None = None
 
     def __post_init__(self) -> None:
-        """Raise DatasetError where the parts do not fit each other."""
+        """Raise DatasetError if strain, stress and kind do not fit each other."""
         if self.kind not in KINDS:
             raise DatasetError(
-                f"{self.source}: the kind of test {self.kind!r} is unknown; use --kind with one of "
-                f"{', '.join(KINDS)}"
+                f"{self.source}: the kind of test {self.kind!r} is unknown; give ",
+                Setting("kind"),
+                f" with one of {', '.join(KINDS)}",
             )
         steps = len(self.strain)
         if steps < FEWEST_POINTS:
@@ -99,20 +101,23 @@ class LaboratoryTest:
             self.void_ratio is None or self.void_ratio.shape == (steps,)
         ):
             raise DatasetError(
-                f"{self.source}: strain, stress and void ratio have different lengths; correct the "
-                "program that makes the test"
+                f"{self.source}: strain and stress must be (step, 3) and the void ratio (step,), "
+                "with equally many steps"
             )
         if not self.lateral_strain_known and self.kind not in HELD_LATERAL_STRESS:
             raise DatasetError(
                 f"{self.source}: a test of the kind {self.kind} needs the lateral or the "
-                "volumetric strain; name its column with --column volumetric_strain=HEADER or, if "
-                "the lateral stress was held, say so with --kind triaxial-drained or, if the "
-                "volume was held, with --kind triaxial-undrained"
+                "volumetric strain; name its column with ",
+                column("volumetric_strain"),
+                " or, if the lateral stress was held, give ",
+                kind("triaxial-drained"),
+                " or, if the volume was held, ",
+                kind("triaxial-undrained"),
             )
         needed = (self.strain[:, 0], self.stress[:, 0], self.stress[0])
         finite = all(np.isfinite(part).all() for part in needed)
         if not finite or not (self.lateral_stress_known or self.kind == "oedometer"):
-            raise DatasetError(f"{self.source}: has stresses or strains that are NaN; correct them")
+            raise DatasetError(f"{self.source}: has stresses or strains that are NaN; fix them")
 
     @property
     def steps(self) -> int:
@@ -131,7 +136,7 @@ class LaboratoryTest:
 
     @property
     def is_complete(self) -> bool:
-        """Whether all strains and stresses are known, as a record needs them."""
+        """Whether all strains and stresses are known, as a record requires."""
         return self.lateral_strain_known and self.lateral_stress_known
 
     @property
@@ -156,7 +161,7 @@ class LaboratoryTest:
 
     @property
     def is_sheared(self) -> bool:
-        """Whether the test bears a deviatoric stress; isotropic compression does not."""
+        """Whether the test has a deviatoric stress; isotropic compression has none."""
         if not self.lateral_stress_known:
             return True
         return bool(self.deviatoric_stress.max() > NO_SHEAR * np.abs(self.mean_stress).max())
@@ -193,10 +198,10 @@ class LaboratoryTest:
     def thinned(self, count: int) -> "LaboratoryTest":
         """The test at about `count` of its own points, start and end among them.
 
-        Every reversal of a strain, a stress or the void ratio is kept, be they more than `count`:
-        see `granbench.records.turning_points`. The other points lie evenly along the curve of axial
-        stress over axial strain, each divided by its range, so that the steep beginning keeps as
-        many as the long end.
+        Every reversal of a strain, a stress or the void ratio is kept, even if there are more than
+        `count`: see `granbench.records.turning_points`. The other points are evenly spaced along
+        the curve of axial stress over axial strain, each divided by its range, so that the steep
+        beginning has as many as the long end.
         """
         if count >= self.steps:
             return self
@@ -208,26 +213,26 @@ class LaboratoryTest:
 
     @property
     def reversals(self) -> int:
-        """Number of points that every thinning keeps, start and end among them."""
+        """Number of points that thinning always keeps, including start and end."""
         return len(self._reversals())
 
     def _reversals(self) -> NDArray[np.int64]:
-        """Rows at which a measured quantity turns round, (n,), and the first and the last row."""
+        """Rows at which a measured quantity reverses, (n,), and the first and the last row."""
         p = self.stress.mean(axis=1)
         q = self.stress[:, 0] - self.stress[:, 2]
         stresses = [*self.stress.T, p, q]
         strains = [*self.strain.T[1:], self.strain.sum(axis=1)]
-        # One scale for all stresses, and one for all strains: what is held constant only has noise.
+        # One scale for all stresses, one for all strains: the range of a held one is only noise.
         stress = max(float(np.nanmax(part) - np.nanmin(part)) for part in stresses)
         strain = float(np.ptp(self.axial_strain)) or 1.0
-        answers = [(part, stress) for part in stresses] + [(part, strain) for part in strains]
+        responses = [(part, stress) for part in stresses] + [(part, strain) for part in strains]
         if self.void_ratio is not None:
-            answers.append((self.void_ratio, (1.0 + self.void_ratio[0]) * strain))
-        # A test is driven by its axial strain, or its axial stress: small loops count there.
-        return turning_rows([(self.axial_strain, strain)], answers)
+            responses.append((self.void_ratio, (1.0 + self.void_ratio[0]) * strain))
+        # A test is driven by its axial strain or stress: small loops count there.
+        return turning_rows([(self.axial_strain, strain)], responses)
 
     def _curve_length(self) -> NDArray[np.float64]:
-        """Length of the curve up to every point over the whole, (step,), growing throughout."""
+        """Length of the curve up to every point over the total length, (step,), increasing."""
         axial = self.stress[:, 0]
         parts = [
             self.axial_strain,
@@ -235,13 +240,13 @@ class LaboratoryTest:
         ]
         ranges = [np.ptp(part) or 1.0 for part in parts]
         steps = [np.diff(part) / size for part, size in zip(parts, ranges, strict=True)]
-        # The small addition keeps points apart that repeat the one before.
+        # The small addition separates points that repeat the one before.
         lengths = np.hypot(*steps) + 1e-9
         return np.concatenate([[0.0], np.cumsum(lengths)]) / lengths.sum()
 
 
 def apparent_kind(strain: NDArray[np.float64], stress: NDArray[np.float64]) -> str:
-    """What was controlled, as far as strain (step, 3) and stress (step, 3) tell."""
+    """The kind of test that strain (step, 3) and stress (step, 3) show."""
     lateral_stress = stress[:, 1:]
     if not np.isfinite(stress).all():
         return "oedometer"

@@ -5,6 +5,7 @@ e_q = 2/3 (e1 - e3) for strain), one is a bar. The files state no units: the use
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,9 @@ from numpy.typing import NDArray
 
 from granbench.errors import DatasetError
 from granbench.laboratory.array_file import require_few, require_shape
-from granbench.laboratory.assembly import assemble
+from granbench.laboratory.interpretation import laboratory_test_from
 from granbench.laboratory.laboratory_test import LaboratoryTest
+from granbench.laboratory.remedies import unit
 from granbench.laboratory.settings import ImportSettings
 from granbench.tables.tables import Table
 
@@ -27,8 +29,8 @@ NICE_ARRAYS: Mapping[int, tuple[str, str]] = {
     12: ("a1", "a0"),  # benchmark 1, inference: stress, strain, ...
     14: ("a1", "a0"),  # benchmark 2, inference: stress, strain, ...
 }
-"""Places of strain and stress in the NICE files, whose arrays lost their names, by the number of
-arrays. The last array is the number of steps of a path."""
+"""Arrays of strain and stress in the NICE files (numbered arrays), by the number of arrays.
+The last array is the number of steps of a path."""
 
 
 def is_nice(arrays: Mapping[str, NDArray]) -> bool:
@@ -45,7 +47,7 @@ def is_nice(arrays: Mapping[str, NDArray]) -> bool:
 def read_paths(
     path: Path, arrays: Mapping[str, NDArray], settings: ImportSettings
 ) -> list[LaboratoryTest]:
-    """The paths of a file.
+    """Read the paths of a file.
 
     Parameters
     ----------
@@ -58,16 +60,16 @@ def read_paths(
     ------
     DatasetError
         If the user gave no units, an array has another shape, a number of steps is impossible,
-        or see `assemble`.
+        or see `laboratory_test_from`.
     """
     for group, example in (("strain", "-"), ("stress", "kPa")):
         if group not in settings.units:
             raise DatasetError(
-                f"{path}: states no units; give that of {group}, such as --unit {group}={example}"
+                f"{path}: states no units; give that of {group}, such as ", unit(group, example)
             )
     if settings.strain_measure == "engineering":
-        # What a model of infinitesimal strain made has no finite measure to convert.
-        settings = ImportSettings(**(vars(settings) | {"strain_measure": "logarithmic"}))
+        # The paths were computed with infinitesimal strain: no finite measure has to be converted.
+        settings = replace(settings, strain_measure="logarithmic")
     paths = _nice(path, arrays) if is_nice(arrays) else _named(path, arrays)
     return [
         _test(path, number, strain, stress, settings)
@@ -125,7 +127,7 @@ def _test(
     if strain.shape[1] == 1:
         lateral = {"radial_stress": np.zeros(len(stress))}
         arrays = {"axial_strain": strain[:, 0], "axial_stress": stress[:, 0], **lateral}
-        return assemble(Table.of_arrays(source, arrays, {}), settings, name, "uniaxial")
+        return laboratory_test_from(Table.of_arrays(source, arrays, {}), settings, name, "uniaxial")
     volumetric, deviatoric = strain.T
     mean, q = stress.T
     arrays = {
@@ -134,4 +136,4 @@ def _test(
         "mean_stress": mean,
         "deviatoric_stress": q,
     }
-    return assemble(Table.of_arrays(source, arrays, {}), settings, name)
+    return laboratory_test_from(Table.of_arrays(source, arrays, {}), settings, name)

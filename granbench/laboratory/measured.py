@@ -7,16 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granbench.errors import DatasetError
-from granbench.laboratory.quantities import (
-    QUANTITIES,
-    WATER,
-    is_bookkeeping,
-    known_quantity,
-    listed,
-    plain_header,
-    stress_of,
-)
+from granbench.laboratory.headers import is_bookkeeping, known_quantity, plain_header
+from granbench.laboratory.quantities import QUANTITIES, WATER, listed, stress_of
 from granbench.laboratory.remarks import quantity_with_remark
+from granbench.laboratory.remedies import QUANTITY, ignore
+from granbench.laboratory.remedies import column as column_is
+from granbench.laboratory.remedies import unit as unit_is
 from granbench.laboratory.settings import ImportSettings
 from granbench.tables.tables import Column, Table
 from granbench.units.known_units import (
@@ -33,7 +29,7 @@ Floats = NDArray[np.float64]
 
 MEASURED_IN_PERCENT = ("humidity", "battery")
 COUNTS = frozenset({"-", "–", "—", "−", "1", "atm"})
-"""Words that are units elsewhere."""
+"""Words that are units, but also stand in headers of columns that hold counts."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +39,7 @@ class Measured:
     Parameters
     ----------
     header : of the column it comes from
-    unit : that it was given in
+    unit : of the file
     values : (row,)
     confirmed : whether the user gave the unit
     """
@@ -56,14 +52,14 @@ class Measured:
 
 @dataclass(frozen=True)
 class Columns:
-    """What the columns of a file are.
+    """The columns of a file, by their use.
 
     Parameters
     ----------
-    quantities : those that hold a quantity, by its name
-    bookkeeping : headers of columns from which no stress and no strain follows, such as times
+    quantities : measured quantities by name
+    bookkeeping : headers of columns without stress or strain, such as times
     ignored : headers of columns that the user left out
-    notes : where the user's unit is another than that of the header, one sentence each
+    notes : where the given unit differs from that of the header, one sentence each
     """
 
     quantities: dict[str, Measured]
@@ -73,19 +69,19 @@ class Columns:
 
 
 def measured_quantities(table: Table, settings: ImportSettings) -> Columns:
-    """What each column of a table holds.
+    """The quantity of each column of a table.
 
     Parameters
     ----------
-    table : columns with known headers, or those that the settings name
-    settings : what the user says of columns, units and sign
+    table : columns with known headers, or headers that the settings name
+    settings : of the import: columns, units and sign
 
     Raises
     ------
     DatasetError
         Naming file, column, and row where there is one: a column is missing, given twice or
-        unknown, its unit is missing, unknown or of another kind, a cell is no number, or a value
-        is as large as only a wrong unit makes it.
+        unknown, its unit is missing, unknown or of another kind, a cell is not a number, or a value
+        is so large that the unit must be wrong.
     """
     chosen = {name: _column(table, name, header) for name, header in settings.columns.items()}
     taken = {id(column) for column in chosen.values()}
@@ -115,7 +111,7 @@ def measured_quantities(table: Table, settings: ImportSettings) -> Columns:
     columns = chosen | recognised
     quantities = {name: _in_si(table, column, name, settings) for name, column in columns.items()}
     notes = [
-        f"column {column.header!r} is read in {quantities[name].unit}, as --unit says, and not in "
+        f"column {column.header!r} is read in {quantities[name].unit}, as given, and not in "
         f"{column.unit}"
         for name, column in columns.items()
         if column.unit is not None
@@ -130,27 +126,29 @@ def _holds_anything(column: Column) -> bool:
 
 
 def _given_twice(table: Table, one: Column, other: Column, quantity: str) -> DatasetError:
-    choose = f", or choose with --column {quantity}=HEADER"
+    choose = (", or choose with ", column_is(quantity))
     return DatasetError(
         f"{table.source}: columns {one.header!r} and {other.header!r} both give the "
-        f"{QUANTITIES[quantity].title}; remove one, or rename it"
-        + (choose if one.header != other.header else "")
+        f"{QUANTITIES[quantity].title}; remove one, or rename it",
+        *(choose if one.header != other.header else ()),
     )
 
 
 def _unknown(table: Table, headers: list[str]) -> DatasetError:
     several = len(headers) > 1
-    options = " ".join(f"--ignore {header!r}" for header in headers)
     return DatasetError(
         f"{table.source}: {'columns' if several else 'column'} {listed(headers)} "
         f"{'are' if several else 'is'} not known; say what {'each' if several else 'it'} holds "
-        f"with --column QUANTITY=HEADER, where QUANTITY is one of {', '.join(QUANTITIES)}, or "
-        f"leave {'them' if several else 'it'} out with {options}"
+        "with ",
+        column_is(QUANTITY),
+        f", where QUANTITY is one of {', '.join(QUANTITIES)}, or leave "
+        f"{'them' if several else 'it'} out with ",
+        ignore(*headers),
     )
 
 
 def _states_a_measure(header: str) -> bool:
-    """Whether a header states a unit of stress or strain, which no number of a row or time has."""
+    """Whether a header states a unit of stress or strain, unlike row numbers and times."""
     if plain_header(header).startswith(MEASURED_IN_PERCENT):
         return False
     words = re.findall(r"[^\s\[\](){},;]+", header)
@@ -166,7 +164,7 @@ def _is_of_another_dimension(unit: str | None, is_stress: bool) -> bool:
 
 
 def _recognised(column: Column) -> tuple[Column, str | None]:
-    """A column and the quantity that its header names, if any; its unit may be a strange one.
+    """A column and the quantity that its header names, if any; its unit may be unknown.
 
     `Sr` is a lateral stress only where a unit of stress is stated; it mostly is the degree of
     saturation.
@@ -180,7 +178,7 @@ def _recognised(column: Column) -> tuple[Column, str | None]:
 
 
 def _named_quantity(column: Column) -> tuple[Column, str | None]:
-    """A column, with its unit even if it is a strange one, and the quantity of its header."""
+    """A column, with its unit even if that is unknown, and the quantity of its header."""
     if column.unit is not None and (behind := text_behind_unit(column.header)):
         return column, quantity_with_remark(column.name, behind, column.unit)
     if (found := known_quantity(column.name)) or column.unit is not None:
@@ -201,12 +199,15 @@ def _column(table: Table, quantity: str, header: str) -> Column:
     if not named:
         raise DatasetError(
             f"{table.source}: has no column {header!r}; its columns are {listing}: name one of "
-            f"them with --column {quantity}=HEADER"
+            "them with ",
+            column_is(quantity),
         )
     if len(named) > 1:
         raise DatasetError(
-            f"{table.source}: has {len(named)} columns {header!r}; rename one in the file, so that "
-            f"--column {quantity}={header} means the other"
+            f"{table.source}: has {len(named)} columns {header!r}; rename one in the file, so "
+            "that ",
+            column_is(quantity, header),
+            " means the other",
         )
     return named[0]
 
@@ -222,25 +223,30 @@ def _in_si(table: Table, column: Column, quantity: str, settings: ImportSettings
     unit = given or column.unit or ("-" if unitless else None)
     what = f"{table.source}: column {column.header!r} ({about.title})"
     example = "kPa" if about.is_stress else "%"
-    option = f"--unit {stress_of(quantity)}={example}"
+    remedy = unit_is(stress_of(quantity), example)
     if unit is None:
         raise DatasetError(
             f"{what} has no unit; write it into the header, as in '{column.name} [{example}]', or "
-            f"give it with {option}"
+            "give it with ",
+            remedy,
         )
     factor = unit_factor(unit)
     if factor is None:
         raise DatasetError(
-            f"{what} is in {unit!r}, which is no unit that is known: use "
-            f"{known_units(about.is_stress)}; convert the column, say what it is in with "
-            f"{option}, or leave it out with --ignore {column.header!r}"
+            f"{what} is in {unit!r}, which is not a known unit: use "
+            f"{known_units(about.is_stress)}; convert the column, give its unit with ",
+            remedy,
+            ", or leave it out with ",
+            ignore(column.header),
         )
     if is_stress_unit(unit) != about.is_stress:
         kind = "stress" if about.is_stress else "ratio"
         raise DatasetError(
-            f"{what} is in {unit!r}, which is no unit of a {kind}: use "
-            f"{known_units(about.is_stress)}; correct the header, say what it is in with "
-            f"{option}, or leave the column out with --ignore {column.header!r}"
+            f"{what} is in {unit!r}, which is not a unit of a {kind}: use "
+            f"{known_units(about.is_stress)}; fix the header, give its unit with ",
+            remedy,
+            ", or leave the column out with ",
+            ignore(column.header),
         )
     values = factor * table.numbers(column)
     if settings.tension_positive and not unitless:
@@ -251,9 +257,9 @@ def _in_si(table: Table, column: Column, quantity: str, settings: ImportSettings
 
 
 def _compression_positive(quantity: str, values: Floats) -> Floats:
-    """Values of a file that counts tension positive, in the other sense.
+    """Values of a file with tension positive, converted to compression positive.
 
-    Deviatoric invariants have no such sign. Pressures of the water are mostly positive even there.
+    Deviatoric invariants have no such sign, and water pressures are mostly positive in such files.
     """
     if quantity.startswith("deviatoric"):
         return values
@@ -268,7 +274,7 @@ def _likely_unit(number: float) -> str:
 
 
 def _check_size(table: Table, measured: Measured, quantity: str) -> None:
-    """Refuse what only a wrong unit explains."""
+    """Refuse values that are only possible in another unit."""
     sizes = np.abs(measured.values)
     row, largest = int(sizes.argmax()), float(sizes.max())
     where = f"{table.source}, {table.places[row]}: column {measured.header!r}"
@@ -278,8 +284,8 @@ def _check_size(table: Table, measured: Measured, quantity: str) -> None:
         if largest > LARGEST_STRESS:
             raise DatasetError(
                 f"{where} holds {shown}, which is suspicious: no laboratory reaches "
-                f"{LARGEST_STRESS / 1e9:g} GPa; correct the cell, or give the unit with --unit "
-                f"{name}={_likely_unit(largest / (unit_factor(measured.unit) or 1.0))}"
+                f"{LARGEST_STRESS / 1e9:g} GPa; fix the cell, or give the unit with ",
+                unit_is(name, _likely_unit(largest / (unit_factor(measured.unit) or 1.0))),
             )
     elif quantity == "void_ratio":
         low, high = VOID_RATIOS
@@ -289,15 +295,16 @@ def _check_size(table: Table, measured: Measured, quantity: str) -> None:
             likely = "%" if measured.values[row] > high else "-"
             raise DatasetError(
                 f"{table.source}, {table.places[row]}: column {measured.header!r} gives a void "
-                f"ratio of {measured.values[row]:g}, which is suspicious; correct the cell"
-                + (
-                    f", or give the unit with --unit void_ratio={likely}"
+                f"ratio of {measured.values[row]:g}, which is suspicious; fix the cell",
+                *(
+                    (", or give the unit with ", unit_is("void_ratio", likely))
                     if likely != measured.unit
-                    else ""
-                )
+                    else ()
+                ),
             )
     elif quantity != "stress_ratio" and largest >= LARGEST_STRAIN:
         raise DatasetError(
             f"{where} holds {shown}, a strain of {100.0 * largest:g} %, which is suspicious; "
-            f"correct the cell or, if the column is in %, say so with --unit {name}=%"
+            "fix the cell or, if the column is in %, give ",
+            unit_is(name, "%"),
         )

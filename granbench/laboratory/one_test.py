@@ -1,4 +1,4 @@
-"""Whether the rows of a table are one test: a second one, or a row of averages, may follow."""
+"""Check that a table holds one test, without a second one or a row of averages."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,21 +7,20 @@ from granbench.errors import DatasetError
 from granbench.tables.tables import Table
 
 BACK = 0.25
-"""Share of the range of the axial strain that no single row of a steady test falls back by."""
+"""Share of the range of the axial strain by which no single row of a steady test falls."""
 BACK_TO_START = 0.05
-"""The same where the row falls back to the axial strain of the first row."""
+"""The same for a row that returns to the axial strain of the first row."""
 AT_START = 0.02
-"""Share of the range within which an axial strain is the one of the first row."""
+"""Share of the range within which an axial strain equals that of the first row."""
 NOISE = 0.05
-"""Share of the strain's way forward by which the strain of a steady test may waver."""
+"""Share of the total forward strain by which the strain of a steady test may fall."""
 ROWS_BEFORE = 3
 
 
 def check_one_test(table: Table, axial: NDArray[np.float64]) -> None:
     """Refuse a row at which the axial strain of an otherwise steady test jumps back.
 
-    Cycles do not look like that: they turn round in several rows, or in steps as long as those
-    before.
+    Cycles do not jump: they reverse over several rows, or in steps as long as those before.
 
     Parameters
     ----------
@@ -39,9 +38,9 @@ def check_one_test(table: Table, axial: NDArray[np.float64]) -> None:
             raise DatasetError(
                 f"{table.source}, {table.places[row]}: the axial strain jumps back from "
                 f"{axial[row - 1]:.6g} to {axial[row]:.6g} in one row of a steady test; does a "
-                "second test begin here, or is this row an average? Give every test a file of its "
-                "own and remove rows that were not measured; if the specimen was unloaded, give "
-                "the rows between"
+                "second test begin here, or is this row an average? Put every test into a file of "
+                "its own and remove rows that were not measured; if the specimen was unloaded, "
+                "give the rows in between"
             )
 
 
@@ -59,5 +58,5 @@ def _jump(strain: NDArray[np.float64]) -> int | None:
     if not jumps.any() or falls > NOISE * forward.sum():
         return None
     row = int(jumps.argmax())
-    # Steps forward that are as long as the one back are those of a coarse cycle.
+    # Forward steps as long as the one back belong to a coarse cycle.
     return row + 1 if forward[:row].max() <= 0.5 * -steps[row] else None

@@ -1,17 +1,19 @@
-"""What the lines above a table say of its stresses and strains: it must not be passed over.
+"""Statements about stresses, strains and drainage in the lines above a table.
 
 Laboratories write the back pressure, the drainage and the sign above the table. None of it is read
-as a number; where the settings do not settle what such a line says, the file is refused with the
-line and the option that settles it.
+as a number; if the settings do not cover what such a line says, the file is refused with the line
+and the setting that answers it.
 """
 
 import re
 import unicodedata
 from collections.abc import Mapping
 
-from granbench.errors import DatasetError
+from granbench.errors import DatasetError, Setting
 from granbench.laboratory.measured import Measured
 from granbench.laboratory.quantities import WATER
+from granbench.laboratory.remedies import kind as kind_is
+from granbench.laboratory.remedies import pressure, stresses
 from granbench.laboratory.settings import ImportSettings
 from granbench.tables.tables import Table
 
@@ -67,66 +69,70 @@ _LOGARITHMIC = re.compile(
 )
 
 
-def refuse_unsettled_lines(
+def refuse_unanswered_lines(
     table: Table, measured: Mapping[str, Measured], settings: ImportSettings
 ) -> None:
-    """Refuse a table below a line whose statement of stress, sign or strain nothing settles.
+    """Refuse a line above the table about stress, sign or strain that no setting covers.
 
     Raises
     ------
     DatasetError
-        Quoting the line and naming the option that settles it.
+        Quoting the line and naming the setting that answers it.
     """
     ambiguous = settings.stresses is None and any(name in measured for name in UNMARKED)
     dry = settings.back_pressure is None and not any(name in measured for name in WATER)
     for number, text in table.preamble:
         plain = _plain(text)
         if ambiguous and _TOTAL.search(plain):
-            raise _unsettled(
+            raise _unanswered(
                 table, number, text, "whether the stresses of the table are total or effective",
-                "--stresses total with --back-pressure PA, or --stresses effective",
+                stresses("total"), " with ", pressure("back_pressure"), ", or ",
+                stresses("effective"),
             )  # fmt: skip
         if ambiguous and dry and _WATER.search(plain):
-            raise _unsettled(
-                table, number, text, "a pressure that no column of the table tells from the others",
-                "--stresses effective if they are effective already, or --stresses total with "
-                "--back-pressure PA",
+            raise _unanswered(
+                table, number, text, "a water pressure, but no column of the table has one",
+                stresses("effective"), " if the stresses are effective already, or ",
+                stresses("total"), " with ", pressure("back_pressure"),
             )  # fmt: skip
         if not settings.tension_positive and _TENSION.search(plain):
-            raise _unsettled(
-                table, number, text, "which sign counts as positive", "--tension-positive"
+            raise _unanswered(
+                table, number, text, "which sign is positive", Setting("tension_positive", True)
             )
         if settings.strain_measure == "engineering" and _LOGARITHMIC.search(plain):
-            raise _unsettled(
+            raise _unanswered(
                 table, number, text, "which measure of strain the table has",
-                "--strain-measure logarithmic",
+                Setting("strain_measure", "logarithmic"),
             )  # fmt: skip
 
 
-def refuse_undrained_as(kind: str, table: Table, settings: ImportSettings) -> None:
-    """Refuse a test of another kind below a line that says it was undrained.
+def refuse_undrained_lines(kind: str, table: Table, settings: ImportSettings) -> None:
+    """Refuse another kind of test if a line above the table says it was undrained.
 
     Raises
     ------
     DatasetError
-        Quoting the line and naming the option that settles it.
+        Quoting the line and naming the setting that answers it.
     """
     if settings.kind is not None or kind == "triaxial-undrained":
         return
     for number, text in table.preamble:
         if _UNDRAINED.search(_plain(text)) or _UNDRAINED_NAMES.search(text[:LONGEST_LINE]):
-            raise _unsettled(
-                table, number, text, f"how the test was drained, but the numbers are read as those "
-                f"of the kind {kind}", f"--kind triaxial-undrained, or --kind {kind}",
+            raise _unanswered(
+                table, number, text, "how the test was drained, but the numbers are those of "
+                f"the kind {kind}", kind_is("triaxial-undrained"), " or ", kind_is(kind),
             )  # fmt: skip
 
 
-def _unsettled(table: Table, number: int, text: str, about: str, options: str) -> DatasetError:
+def _unanswered(
+    table: Table, number: int, text: str, about: str, *remedy: str | Setting
+) -> DatasetError:
     row = table.places[0].split()[0]  # `line` of a text, `row` of a sheet
     quoted = " ".join(text.split())[:LONGEST_QUOTE]
     return DatasetError(
-        f"{table.source}, {row} {number}: {quoted!r} says {about}; give {options}, or correct "
-        f"the {row}"
+        f"{table.source}, {row} {number}: {quoted!r} says {about}; give ",
+        *remedy,
+        f", or fix the {row}",
     )
 
 

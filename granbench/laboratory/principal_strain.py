@@ -1,26 +1,28 @@
-"""Axial and lateral strain from whichever strains a file gives, or from the kind of test."""
+"""Axial and lateral strain from the measured strains of a file, or from the kind of test."""
 
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from granbench.errors import DatasetError
+from granbench.errors import DatasetError, Setting
 from granbench.laboratory.measured import Measured
 from granbench.laboratory.principal_stress import missing
+from granbench.laboratory.remedies import column, ignore
+from granbench.laboratory.remedies import kind as kind_is
 from granbench.laboratory.settings import ImportSettings
 from granbench.tables.tables import Table
 
 Floats = NDArray[np.float64]
 
 STRAIN_AGREEMENT = 0.05
-"""Difference of two strains for one thing, as a share of the largest, that scatter explains."""
+"""Difference of two values of one strain, as a share of the largest, that scatter explains."""
 
 STRAIN_READING = 1e-3
-"""Strain by which they may differ anyway: void ratios are given to three digits."""
+"""Strain by which they may always differ: void ratios are given to three digits."""
 
 PREVENTED = 0.02
-"""Share of the axial strain below which another strain counts as prevented."""
+"""Share of the axial strain below which another strain counts as zero."""
 
 
 def principal_strain(
@@ -28,9 +30,9 @@ def principal_strain(
 ) -> Floats:
     """Logarithmic strain (row, 3), zero at the first row; lateral NaN where it is not known.
 
-    The volumetric strain goes before a lateral one: laboratories measure the volume and derive
-    the lateral strain, for small strains. Where neither was measured, the kind of test says the
-    lateral strain: no volume change in an undrained test, none to the sides in an oedometer.
+    The volumetric strain takes precedence over a lateral one: laboratories measure the volume and
+    derive the lateral strain for small strains. If neither was measured, the kind of test gives
+    the lateral strain: no volume change in an undrained test, no lateral strain in an oedometer.
 
     Parameters
     ----------
@@ -108,9 +110,13 @@ def _axial(
     raise missing(
         table,
         "the axial strain",
-        "name its column with --column axial_strain=HEADER, or those of volumetric_strain and "
-        "deviatoric_strain; from the volume alone it follows with --kind oedometer or --kind "
-        "isotropic",
+        "name its column with ",
+        column("axial_strain"),
+        ", or those of volumetric_strain and deviatoric_strain; from the volume alone it follows "
+        "with ",
+        kind_is("oedometer"),
+        " or ",
+        kind_is("isotropic"),
     )
 
 
@@ -120,7 +126,7 @@ def _check_redundant(
     known: dict[str, Floats],
     convert: Callable[[Floats], Floats],
 ) -> None:
-    """Refuse strains that contradict each other, as those of another sign do."""
+    """Refuse strains that contradict each other, as they do if one has the other sign."""
     axial, volume = known.get("axial_strain"), known.get("volumetric_strain")
     lateral, shear = known.get("radial_strain"), known.get("deviatoric_strain")
     by_void_ratio = _volume_by_void_ratio(measured)
@@ -140,7 +146,7 @@ def _check_redundant(
             raise _contradiction(table, measured, ("radial_strain", "void_ratio"))
     if axial is not None and volume is not None and shear is not None:
         expected = axial - volume / 3.0
-        # Some call e1 - e3 the deviatoric strain, others two thirds of it.
+        # Some define the deviatoric strain as e1 - e3, others as two thirds of it.
         if not (_same(shear, expected, axial) or _same(shear, 1.5 * expected, axial)):
             raise _contradiction(table, measured, ("deviatoric_strain", "volumetric_strain"))
 
@@ -156,8 +162,10 @@ def _contradiction(
     one, other = (measured[name].header for name in names)
     return DatasetError(
         f"{table.source}: columns {one!r} and {other!r} contradict each other; check their signs "
-        f"(compression positive) and units, or leave out the wrong one with --ignore {one!r} or "
-        f"--ignore {other!r}"
+        "(compression positive) and units, or leave out the wrong one with ",
+        ignore(one),
+        " or ",
+        ignore(other),
     )
 
 
@@ -168,12 +176,12 @@ def _check_kind(
     lateral: Floats | None,
     kind: str | None,
 ) -> None:
-    """Refuse a measured volume that the kind of test forbids."""
+    """Refuse a measured volume or lateral strain that the kind of test excludes."""
     if lateral is None or kind not in ("triaxial-undrained", "oedometer"):
         return
     prevented, what = {
         "triaxial-undrained": (axial + 2.0 * lateral, "the volume does not change"),
-        "oedometer": (lateral, "the sides do not move"),
+        "oedometer": (lateral, "there is no lateral strain"),
     }[kind]
     limit = PREVENTED * float(np.abs(axial).max()) + STRAIN_READING
     if np.abs(prevented).max() > limit:
@@ -185,5 +193,8 @@ def _check_kind(
         raise DatasetError(
             f"{table.source}: column {header!r} gives a strain of up to "
             f"{100.0 * np.abs(prevented).max():.3g} % where in a test of the kind {kind} {what}; "
-            f"give another --kind, or leave the column out with --ignore {header!r}"
+            "give another ",
+            Setting("kind"),
+            ", or leave the column out with ",
+            ignore(header),
         )

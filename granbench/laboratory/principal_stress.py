@@ -1,13 +1,15 @@
-"""Axial and lateral effective stress from some of a file's stresses, checked by the others."""
+"""Axial and lateral effective stress from the stresses of a file, which must agree."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from granbench.errors import DatasetError
-from granbench.laboratory.effective import KnownStresses, Series
+from granbench.errors import DatasetError, Setting
 from granbench.laboratory.laboratory_test import CONSTANT_STRESS, LATERAL_STRAIN_GIVEN
 from granbench.laboratory.quantities import QUANTITIES, listed
+from granbench.laboratory.remedies import HEADER, QUANTITY, column, ignore, pressure, stresses
+from granbench.laboratory.remedies import kind as kind_is
 from granbench.laboratory.settings import ImportSettings
+from granbench.laboratory.stress_series import KnownStresses, Series
 from granbench.laboratory.water import READING, agree
 from granbench.tables.tables import Table
 
@@ -22,16 +24,16 @@ def principal_stress(
     Parameters
     ----------
     table : for error texts
-    known : what the file gives
+    known : effective stresses of the file
     settings : with a constant lateral stress, where the file has none
     kind : of the test, where it is known; in an `oedometer` test whose lateral stress was not
-        measured it is NaN, but for the first row, which has K0 times the axial stress
+        measured it is NaN, except in the first row, which has K0 times the axial stress
 
     Raises
     ------
     DatasetError
         Naming the columns, if the stresses do not follow from them, they contradict each other or
-        an option, or the pore pressure is above the total stress.
+        a setting, or the pore pressure is above the total stress.
     """
     axial, lateral, q = (
         _first(known, "axial_stress"),
@@ -41,7 +43,7 @@ def principal_stress(
     mean, middle = _first(known, "mean_stress"), _first(known, "intermediate_stress")
     if lateral is None:
         lateral = _derived_lateral(axial, mean, q)
-    lateral = _with_option(table, lateral, known, settings, kind)
+    lateral = _with_given_stress(table, lateral, known, settings, kind)
     if lateral is None and kind == "isotropic" and (either := mean or axial) is not None:
         lateral = either
     if lateral is None and kind == "oedometer" and axial is not None:
@@ -57,8 +59,8 @@ def principal_stress(
         raise missing(
             table,
             "the axial stress",
-            "add q, p or the axial stress, or name its column with --column "
-            "deviatoric_stress=HEADER",
+            "add q, p or the axial stress, or name its column with ",
+            column("deviatoric_stress"),
         )
     stress = np.stack(
         [axial.values, (middle or lateral).values, lateral.values], axis=-1, dtype=float
@@ -68,10 +70,10 @@ def principal_stress(
     return stress
 
 
-def missing(table: Table, what: str, remedy: str) -> DatasetError:
-    """The error that a table has no column for something that is needed."""
+def missing(table: Table, what: str, *remedy: str | Setting) -> DatasetError:
+    """The error that no column of a table gives a required quantity."""
     headers = listed(column.header for column in table.columns)
-    return DatasetError(f"{table.source}: no column gives {what} among {headers}; {remedy}")
+    return DatasetError(f"{table.source}: no column gives {what} among {headers}; ", *remedy)
 
 
 def _first(known: KnownStresses, name: str) -> Series | None:
@@ -88,52 +90,63 @@ def _derived_lateral(axial: Series | None, mean: Series | None, q: Series | None
     return None
 
 
-def _with_option(
+def _with_given_stress(
     table: Table,
     lateral: Series | None,
     known: KnownStresses,
     settings: ImportSettings,
     kind: str | None,
 ) -> Series | None:
-    """The lateral stress, or the constant one that the user gives where the file has none."""
+    """The lateral stress, or the given constant one where the file has none."""
     given = settings.lateral_stress
     if given is None:
         return lateral
     if kind in LATERAL_STRAIN_GIVEN:
         raise DatasetError(
-            f"{table.source}: --lateral-stress gives a constant lateral stress, but in a test of "
-            f"the kind {kind} it is not constant; leave the option out"
-            + (", and add the pore pressure" if kind == "triaxial-undrained" else "")
+            f"{table.source}: ",
+            Setting("lateral_stress"),
+            f" gives a constant lateral stress, but in a test of the kind {kind} it is not "
+            "constant; leave it out",
+            ", and add the pore pressure" if kind == "triaxial-undrained" else "",
         )
-    series = Series(f"--lateral-stress {given:g} Pa", np.full(len(table.places), given))
+    series = Series(f"the given lateral stress of {given:g} Pa", np.full(len(table.places), given))
     if lateral is not None and not agree(lateral.values, series.values):
         raise DatasetError(
             f"{table.source}: {series.name} contradicts {lateral.name}, by which the effective "
             f"lateral stress goes from {lateral.values.min():g} to {lateral.values.max():g} Pa; "
-            "leave the option out, or the columns with --ignore HEADER"
+            "leave out ",
+            Setting("lateral_stress"),
+            ", or the columns with ",
+            ignore(HEADER),
         )
     change = known.water.largest_change
     if lateral is None and change is not None and change > CONSTANT_STRESS * given:
         raise DatasetError(
-            f"{table.source}: --lateral-stress gives a constant effective lateral stress, but "
-            f"{known.water.name} changes by {change:g} Pa; give the total one with --cell-pressure "
-            "PA instead"
+            f"{table.source}: ",
+            Setting("lateral_stress"),
+            f" gives a constant effective lateral stress, but {known.water.name} changes by "
+            f"{change:g} Pa; give the total one with ",
+            pressure("cell_pressure"),
+            " instead",
         )
     return series if lateral is None else lateral
 
 
 def _no_lateral_stress(table: Table, axial: Series | None, mean: Series | None) -> DatasetError:
-    remedy = (
+    remedy: list[str | Setting] = [
         f"{'otherwise ' if axial is not None else ''}it follows from two of q, p, axial "
-        "and lateral stress: name the missing column with "
-        "--column mean_stress=HEADER, or give a constant effective lateral stress with "
-        "--lateral-stress PA, or a constant total one with --cell-pressure PA"
-    )
+        "and lateral stress: name the missing column with ",
+        column("mean_stress"),
+        ", or give a constant effective lateral stress with ",
+        pressure("lateral_stress"),
+        ", or a constant total one with ",
+        pressure("cell_pressure"),
+    ]
     if axial is not None:
-        remedy = f"if this is an oedometer test, say so with --kind oedometer; {remedy}"
+        remedy[:0] = ["if this is an oedometer test, give ", kind_is("oedometer"), "; "]
     elif mean is not None:
-        remedy += "; if this is isotropic compression, say so with --kind isotropic"
-    return missing(table, "the lateral stress", remedy)
+        remedy += ["; if this is isotropic compression, give ", kind_is("isotropic")]
+    return missing(table, "the lateral stress", *remedy)
 
 
 def _without_lateral_stress(axial: Floats, k0: float) -> Floats:
@@ -146,7 +159,7 @@ def _without_lateral_stress(axial: Floats, k0: float) -> Floats:
 def _check_redundant(
     table: Table, known: KnownStresses, stress: Floats, axial: Series, lateral: Series
 ) -> None:
-    """Refuse columns that contradict the stresses that were derived."""
+    """Refuse columns that contradict the derived stresses."""
     expected = {
         "axial_stress": stress[:, 0],
         "radial_stress": stress[:, 2],
@@ -171,8 +184,12 @@ def _require(
     raise DatasetError(
         f"{table.source}, {table.places[row]}: {series.name} gives "
         f"{_kilopascals(series.values[row])} kPa for the effective {title}, but {names} "
-        f"give {_kilopascals(expected[row])}; say what each column is with --column "
-        "QUANTITY=HEADER or --stresses, or leave out the wrong one with --ignore HEADER"
+        f"give {_kilopascals(expected[row])}; say what each column is with ",
+        column(QUANTITY),
+        " or ",
+        Setting("stresses"),
+        ", or leave out the wrong one with ",
+        ignore(HEADER),
     )
 
 
@@ -186,6 +203,7 @@ def _check_compression(table: Table, lateral: Series) -> None:
         row = int(lateral.values.argmin())
         raise DatasetError(
             f"{table.source}, {table.places[row]}: the effective lateral stress ({lateral.name}) "
-            f"is {_kilopascals(least)} kPa, below zero; check the pore pressure, or say that the "
-            "stresses are effective already with --stresses effective"
+            f"is {_kilopascals(least)} kPa, below zero; check the pore pressure, or give ",
+            stresses("effective"),
+            " if the stresses are effective already",
         )

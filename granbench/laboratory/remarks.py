@@ -1,12 +1,12 @@
-"""Remarks behind the unit of a header, as in ``sigma1 [kPa] (total)``.
+"""Remarks after the unit of a header, as in ``sigma1 [kPa] (total)``.
 
-A remark may say which stress is meant, or nothing that matters; it may also say that the
-numbers are ten times as large, or of the other sign. Only the first two are read.
+A remark may say which stress is meant, or have no influence; it may also say that the numbers are
+ten times as large, or have the other sign. Only the first two are accepted.
 """
 
 import re
 
-from granbench.laboratory.quantities import known_quantity
+from granbench.laboratory.headers import known_quantity
 from granbench.units.known_units import is_unit, unit_factor
 
 _SHORTENING = frozenset(
@@ -63,17 +63,17 @@ _HARMLESS = frozenset(
 
 
 def quantity_with_remark(name: str, remark: str, unit: str) -> str | None:
-    """The quantity of a header that has text behind its unit, or None where it may change it.
+    """The quantity of a header with text after its unit, or None if the text may change it.
 
     Parameters
     ----------
-    name : of the column, what stands before the unit
-    remark : what stands behind the unit
+    name : of the column, in front of the unit
+    remark : text after the unit
     unit : of the column
     """
     bare = remark.strip("()[]{} ")
     if not any(character.isalnum() for character in remark):
-        # A lone sign may turn the numbers round; a mark such as * does not.
+        # A lone sign may change the sign of the numbers; a mark such as * does not.
         return (
             None
             if set(remark) & set("+-\N{MINUS SIGN}\N{EN DASH}%\u2030")

@@ -1,18 +1,19 @@
-"""SoilModels: the laboratory protocol (.xlsx) and the smoothed or raw paths made from it (.npz).
+"""Files of SoilModels: the laboratory protocol (.xlsx) and the paths derived from it (.npz).
 
 The protocol has a sheet for each drained triaxial test, named CID-..., and for each oedometer test,
 named OED-...: the initial void ratio in B1, headers in row 2, numbers below.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from granbench.errors import DatasetError
+from granbench.errors import DatasetError, Setting
 from granbench.laboratory.array_file import require_few, require_shape
-from granbench.laboratory.assembly import assemble
+from granbench.laboratory.interpretation import laboratory_test_from
 from granbench.laboratory.laboratory_test import LaboratoryTest
 from granbench.laboratory.settings import ImportSettings
 from granbench.tables.sheet_cells import Rows
@@ -22,9 +23,9 @@ from granbench.units.plausible import VOID_RATIOS
 
 DRAINED = "triaxial-drained"
 KINDS_BY_SHEET = {"CID": DRAINED, "OED": "oedometer"}
-"""Kind of test by the beginning of a sheet's name."""
+"""Kind of test by the first letters of the name of its sheet."""
 SAME_VOID_RATIO = 5e-3
-"""Difference within which two statements of a void ratio are one, rounded."""
+"""Difference of two void ratios that rounding explains."""
 PASCALS_PER_KILOPASCAL = 1e3
 GRAIN_DENSITY = 2650.0
 """kg/m3: the protocol of the Dobrany sand gives a specific gravity of 2.65."""
@@ -52,7 +53,7 @@ def read_protocol(
     Raises
     ------
     DatasetError
-        If a sheet contradicts the settings, or see `assemble`.
+        If a sheet contradicts the settings, or see `laboratory_test_from`.
     """
     return [
         _sheet_test(path, name, rows, settings, kind)
@@ -76,7 +77,7 @@ def _sheet_test(
     if isinstance(void_ratio, float):
         settings = _with_void_ratio(settings, void_ratio, source, "cell B1")
     table = Table(source, [f"row {number}" for number in numbers], columns)
-    return assemble(table, settings, name, kind)
+    return laboratory_test_from(table, settings, name, kind)
 
 
 def _with_void_ratio(
@@ -88,21 +89,22 @@ def _with_void_ratio(
         if given is not None:
             return settings
         raise DatasetError(
-            f"{source}: gives an initial void ratio of {value:g} ({place}); correct it, or "
-            "give another with --e0"
+            f"{source}: gives an initial void ratio of {value:g} ({place}); fix it, or give ",
+            Setting("initial_void_ratio"),
         )
     if given is not None and abs(given - value) > SAME_VOID_RATIO:
         raise DatasetError(
-            f"{source}: gives an initial void ratio of {value:.4g} ({place}), but --e0 is "
-            f"{given:g}; leave out --e0, or correct the file"
+            f"{source}: gives an initial void ratio of {value:.4g} ({place}), but ",
+            Setting("initial_void_ratio"),
+            f" is {given:g}; leave it out, or fix the file",
         )
-    return ImportSettings(**(vars(settings) | {"initial_void_ratio": value}))
+    return replace(settings, initial_void_ratio=value)
 
 
 def read_paths(
     path: Path, arrays: Mapping[str, NDArray], settings: ImportSettings
 ) -> list[LaboratoryTest]:
-    """The paths that were made of a protocol.
+    """Read the paths derived from a protocol.
 
     Parameters
     ----------
@@ -113,18 +115,18 @@ def read_paths(
     Raises
     ------
     DatasetError
-        If an array has another shape, a density is impossible, or see `assemble`.
+        If an array has another shape, a density is impossible, or see `laboratory_test_from`.
 
     Notes
     -----
-    Three things are not what one would think (compare them with the protocol):
+    Comparison with the protocol shows three peculiarities:
 
-    - `a0` holds the volumetric strain v counted *positive in dilation*, and for the deviatoric
-      strain e1 - v/3 with that same v; so e1 = a0[1] + a0[0]/3;
+    - `a0` holds the volumetric strain v, *positive in dilation*, and the deviatoric strain
+      e1 - v/3 with the same v; so e1 = a0[1] + a0[0]/3;
     - `a1` holds the trace of the stress, 3 p, and q;
-    - the density grows where the specimen dilates, so only its first value means something.
+    - the density increases where the specimen dilates, so only its first value is used.
 
-    The smoothed paths begin outside of the test, at negative strains and q: rows before the first
+    The smoothed paths begin before the test, at negative strains and q: rows before the first one
     with positive q and strain are left out.
     """
     steps, paths, _ = require_shape(path, arrays, "a0", ("steps", "paths", 2))
@@ -158,8 +160,9 @@ def read_paths(
             chosen = _with_void_ratio(settings, void_ratio, table.source, "from array a2")
         elif settings.initial_void_ratio is None:
             raise DatasetError(
-                f"{table.source}: array 'a2' gives a density of {density:g} kg/m3; correct it, "
-                "or give the void ratio with --e0"
+                f"{table.source}: array 'a2' gives a density of {density:g} kg/m3; fix it, or give "
+                "the void ratio with ",
+                Setting("initial_void_ratio"),
             )
-        tests.append(assemble(table, chosen, f"{path.stem}-{place + 1}", DRAINED))
+        tests.append(laboratory_test_from(table, chosen, f"{path.stem}-{place + 1}", DRAINED))
     return tests

@@ -1,19 +1,20 @@
-"""The pore pressure of a test, from whatever its file and its user say of the water."""
+"""The pore pressure of a test, from the columns of its file and the given settings."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from granbench.errors import DatasetError
+from granbench.errors import DatasetError, Setting
 from granbench.laboratory.measured import Measured
+from granbench.laboratory.remedies import ignore, pressure
 from granbench.laboratory.settings import ImportSettings
 
 Floats = NDArray[np.float64]
 
 AGREEMENT = 0.03
-"""Difference of two numbers for the same stress, as a share of its largest value, that rounding
-and the scatter of transducers explain."""
+"""Difference of two values of one stress, as a share of the largest, that rounding and the scatter
+of transducers explain."""
 
 READING = 1e3
 """Pa; pressures are read to about 1 kPa."""
@@ -29,16 +30,17 @@ class Water:
 
     Parameters
     ----------
-    absolute : (row,), Pa, of the same zero as the total stresses; None where it is not known
-    change : (row,), Pa, above its first value; None where no pore pressure was measured
-    name : of the column or the option that it comes from; empty where there is none
-    question : what has to be answered before total stresses can be made effective
+    absolute : (row,), Pa, from the same zero as the total stresses; None if it is not known
+    change : (row,), Pa, above its first value; None if no pore pressure was measured
+    name : of the column or the setting it comes from; empty if there is none
+    question : parts of an error text: what must be known before total stresses can be converted
+        to effective ones; empty if nothing is missing
     """
 
     absolute: Floats | None = None
     change: Floats | None = None
     name: str = ""
-    question: str = ""
+    question: tuple[str | Setting, ...] = ()
 
     @property
     def largest_change(self) -> float | None:
@@ -61,13 +63,13 @@ def pore_pressure(
     ----------
     source : file, for error texts
     measured : columns by quantity
-    settings : what the user says; a constant back pressure is of use here
-    rows : of the file
+    settings : of the import, with a constant back pressure if one is given
+    rows : number of rows of the file
 
     Raises
     ------
     DatasetError
-        Naming both, if two columns, or a column and an option, contradict each other.
+        Naming both, if two columns, or a column and a setting, contradict each other.
     """
     absolute, excess = measured.get("pore_pressure"), measured.get("excess_pore_pressure")
     back, back_name = _back_pressure(source, measured, settings, rows)
@@ -77,7 +79,10 @@ def pore_pressure(
             raise DatasetError(
                 f"{source}: columns {absolute.header!r} and {excess.header!r} contradict each "
                 "other: the excess is not the change of the pore pressure; leave out the wrong one "
-                f"with --ignore {excess.header!r} or --ignore {absolute.header!r}"
+                "with ",
+                ignore(excess.header),
+                " or ",
+                ignore(absolute.header),
             )
     if absolute is not None:
         least = _least_clear(measured, settings)
@@ -89,8 +94,9 @@ def pore_pressure(
             return Water(back[0] + excess.values, change, name)
         question = (
             f"column {excess.header!r} is an excess over a back pressure that the file does not "
-            "give; give it with --back-pressure PA (0 where the total stresses are counted from "
-            "the back pressure)"
+            "give; give it with ",
+            pressure("back_pressure"),
+            " (0 if the total stresses are counted from the back pressure)",
         )
         return Water(None, change, repr(excess.header), question)
     if back is not None:
@@ -105,13 +111,14 @@ def _back_pressure(
     if column is not None:
         if given is not None and not agree(column.values, np.full(rows, given)):
             raise DatasetError(
-                f"{source}: column {column.header!r} begins with {column.values[0]:g} Pa, but "
-                f"--back-pressure gives {given:g} Pa; leave out the option, or the column with "
-                f"--ignore {column.header!r}"
+                f"{source}: column {column.header!r} begins with {column.values[0]:g} Pa, but ",
+                Setting("back_pressure"),
+                f" gives {given:g} Pa; leave out the setting, or the column with ",
+                ignore(column.header),
             )
         return column.values, repr(column.header)
     if given is not None:
-        return np.full(rows, given), f"--back-pressure {given:g} Pa"
+        return np.full(rows, given), f"the given back pressure of {given:g} Pa"
     return None, ""
 
 
@@ -149,15 +156,17 @@ def _absolute(
     question = (
         f"column {header!r} begins with {values[0]:g} Pa, which is "
         "either a pore pressure without a back pressure "
-        "or the excess over one; give the back pressure with --back-pressure PA (0 where there was "
-        "none, or where the total stresses are counted from it)"
+        "or the excess over one; give the back pressure with ",
+        pressure("back_pressure"),
+        " (0 if there was none, or if the total stresses are counted from it)",
     )
     return Water(None, change, repr(header), question)
 
 
 def _other_start(source: str, column: Measured, back: Floats, back_name: str) -> DatasetError:
     return DatasetError(
-        f"{source}: column {column.header!r} begins with {column.values[0]:g} Pa, but the back "
-        f"pressure ({back_name}) is {back[0]:g} Pa; a test starts at its back pressure: correct "
-        "one of them, or leave out the back pressure"
+        f"{source}: column {column.header!r} begins with {column.values[0]:g} Pa, but {back_name} "
+        f"begins with {back[0]:g} Pa; a test starts at its back pressure: fix one of them, or leave "
+        "out ",
+        Setting("back_pressure"),
     )

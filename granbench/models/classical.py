@@ -18,7 +18,7 @@ from granbench.models.arrays import Array, in_numpy, in_torch
 from granbench.models.components import TensorRows, tensor_rows
 from granbench.models.parameters import Constants, Parameter
 from granbench.models.substepping import Substepping
-from granbench.tensors import COMPONENT_ORDERS
+from granbench.tensors import COMPONENT_ORDERS, mean_stress
 
 OUT_OF_PLANE = "out_of_plane_stress"
 
@@ -60,7 +60,6 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
     dimension : of space in which the model is defined, 2 or 3
     parameter_table : its parameters
     parameter_sets : published values, the default first
-    pressure_dependent : whether the model is undefined without compression
     holds_without_stress : whether such a model may start at zero mean stress, its apex
     internal_tensors : tensors beside the stress, such as `plastic_strain`; their components are
         internal variables `plastic_strain_xx` and so on, in the order of `rows`
@@ -81,7 +80,6 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
     dimension: ClassVar[int] = 3
     parameter_table: ClassVar[tuple[Parameter, ...]]
     parameter_sets: ClassVar[Mapping[str, Mapping[str, float]]]
-    pressure_dependent: ClassVar[bool] = False
     holds_without_stress: ClassVar[bool] = False
     internal_tensors: ClassVar[tuple[str, ...]] = ()
     internal_variables: ClassVar[tuple[str, ...]] = ()
@@ -224,7 +222,7 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
         stress = conditions.stress.to(self.dtype).T
         if OUT_OF_PLANE in self.layout:
             known = conditions.scalars.get(OUT_OF_PLANE)
-            zz = 0.5 * (stress[0] + stress[1]) if known is None else known.to(self.dtype)
+            zz = mean_stress(stress.T, self.order) if known is None else known.to(self.dtype)
             stress = torch.cat([stress, zz.unsqueeze(0)])
         if self.pressure_dependent:
             self._refuse_tension(self.rows.mean(stress))

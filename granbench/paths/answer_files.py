@@ -10,8 +10,8 @@ import xarray as xr
 
 from granbench.errors import ConfigurationError
 from granbench.files.whole_file import whole_file
+from granbench.paths.path_columns import STRAIN, STRESS
 from granbench.paths.programme import Floats
-from granbench.paths.strain_files import STRAIN, STRESS
 from granbench.records.schema import SCHEMA
 from granbench.tensors import COMPONENT_ORDERS
 

@@ -1,15 +1,13 @@
 """Paths from tables of strains and stresses.
 
-One row a step, one column for each component of one order: ``eps_xx`` prescribes the cumulative
-strain xx, and ``sig_xx`` in its place the stress. A file whose only column is ``eps_axial``
-(``eps_shear``) is the history of a standard test's driving strain. Compression is positive,
-strain has no unit (0.01 is one per cent) and stress is in Pa, unless a header states another unit
-as in ``sig_xx [kPa]``. What tables are read is said in `granbench.tables.table_files`.
+A file has one row for each step and one column for each component of one order: ``eps_xx`` is the
+cumulative strain xx, and ``sig_xx`` in its place the stress. A file whose only column is
+``eps_axial`` (``eps_shear``) is the history of the driving strain of a standard test. Compression is
+positive, strain has no unit (0.01 is one per cent) and stress is in Pa, unless a header states
+another unit as in ``sig_xx [kPa]``. `granbench.tables.table_files` describes the tables.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +15,15 @@ from numpy.typing import NDArray
 
 from granbench.errors import ConfigurationError
 from granbench.paths.mixed_control import MixedControl
+from granbench.paths.path_columns import (
+    DRIVING_COLUMNS,
+    KNOWN_COLUMNS,
+    STRAIN,
+    STRESS,
+    checked_columns,
+    columns_of_orders,
+    component_label,
+)
 from granbench.paths.programme import Floats
 from granbench.tables.table_files import read_table
 from granbench.tables.tables import Column, Table
@@ -30,20 +37,10 @@ from granbench.units.known_units import (
 )
 from granbench.units.plausible import LARGEST_STRAIN, LARGEST_STRESS, SMALLEST_STRESS
 
-STRAIN, STRESS = "eps_", "sig_"
-DRIVING_COLUMNS = ("eps_axial", "eps_shear")
-KNOWN_COLUMNS = (
-    *(
-        prefix + label
-        for prefix in (STRAIN, STRESS)
-        for label in sorted({label for own in COMPONENT_ORDERS.values() for label in own})
-    ),
-    *DRIVING_COLUMNS,
-)
 SAME_STRESS = 1e-9
-"""Relative difference within which a prescribed stress is the one that a path starts from."""
+"""Relative difference within which a prescribed stress equals the one that a path starts from."""
 SUDDEN_RELEASE = 0.02
-"""Share of the stress at the start to which no test lets a held stress fall in its first step."""
+"""Share of the stress at the start below which a held stress must not fall in the first step."""
 
 KINDS_OF_FILES = "a CSV file of strains, or records in netCDF (.nc)"
 
@@ -75,7 +72,7 @@ class PathTable:
     @property
     def order(self) -> str:
         """Component order of the columns; the file must not hold a driving strain."""
-        labels = {_label(name) for name in self.columns}
+        labels = {component_label(name) for name in self.columns}
         return next(order for order, own in COMPONENT_ORDERS.items() if labels == set(own))
 
     @property
@@ -103,7 +100,7 @@ class PathTable:
         return f"{self.source}: row {row + 1} (line {self.lines[row]})"
 
     def history(self) -> Floats:
-        """The driving strain (step,) from zero on: a zero is put before rows that do not."""
+        """The driving strain (step,) from zero; a zero is put first if the rows lack it."""
         strain = self.values[:, 0]
         return strain if strain[0] == 0.0 else np.concatenate([[0.0], strain])
 
@@ -120,8 +117,8 @@ class PathTable:
         Raises
         ------
         ConfigurationError
-            If the first row lets a held stress without a unit fall to a small part of the start's,
-            as kPa that are read as Pa do.
+            If a held stress without a unit falls to a small share of the stress at the start in the
+            first row, as it does if kPa are read as Pa.
         """
         self._refuse_release(start)
         strain, stress = self.components(STRAIN), self.components(STRESS)
@@ -158,15 +155,15 @@ def read_path(path: Path | str) -> PathTable:
     ------
     ConfigurationError
         Naming the file, and where there is one the row and column: see `read_table`; a column is
-        unknown, missing or double, a unit is unknown, a cell is blank or no finite number, a
-        strain or a stress is so large or so small that only a wrong unit explains it, or there is
-        no step.
+        unknown, missing or double, a unit is unknown, a cell is blank or not a finite number, a
+        strain or a stress is so large or so small that the unit must be wrong, or there is no
+        step.
     """
     table = read_table(
         Path(path),
         ConfigurationError,
         lambda name: name.lower() in KNOWN_COLUMNS,
-        f"columns such as {_columns_of_orders()}",
+        f"columns such as {columns_of_orders()}",
         KINDS_OF_FILES,
     )
     columns = [
@@ -174,7 +171,7 @@ def read_path(path: Path | str) -> PathTable:
         for column in table.columns
         if not table.places or column.has_numbers or _plain_name(column) in KNOWN_COLUMNS
     ]
-    names = _checked_columns([_plain_name(column) for column in columns], table.source)
+    names = checked_columns([_plain_name(column) for column in columns], table.source)
     numbers = [_in_si(table, column, name) for column, name in zip(columns, names, strict=True)]
     found = PathTable(
         table.source,
@@ -194,7 +191,7 @@ def read_path(path: Path | str) -> PathTable:
 def _plain_name(column: Column) -> str:
     """The name of a column, without a unit that is unknown; headers ignore case.
 
-    Text behind the unit, as in ``eps_xx [%] x10``, makes it another column.
+    Text after the unit, as in ``eps_xx [%] x10``, makes it a different column.
     """
     if text_behind_unit(column.header):
         return column.header
@@ -210,8 +207,8 @@ def _in_si(table: Table, column: Column, name: str) -> Floats:
     factor = 1.0 if unit is None else unit_factor(unit)
     if unit is not None and (factor is None or is_stress_unit(unit) != stress):
         raise ConfigurationError(
-            f"{table.source}: column {name} is in {unit!r}, which is no unit of a "
-            f"{'stress' if stress else 'strain'} that is known; use {known_units(stress)}"
+            f"{table.source}: column {name} is in {unit!r}, which is not a known unit of a "
+            f"{'stress' if stress else 'strain'}; use {known_units(stress)}"
         )
     column = replace(column, unit=unit or ("Pa" if stress else None))
     if fault := table.fault(column):
@@ -223,7 +220,7 @@ def _in_si(table: Table, column: Column, name: str) -> Floats:
 
 
 def _check_sizes(table: PathTable) -> None:
-    """Refuse the first row that holds what only a wrong unit explains."""
+    """Refuse values that are only possible in another unit."""
     stress = np.array([name.startswith(STRESS) for name in table.columns])
     beyond = np.abs(table.values) > np.where(stress, LARGEST_STRESS, LARGEST_STRAIN)
     if beyond.any():
@@ -247,60 +244,3 @@ def _check_sizes(table: PathTable) -> None:
             f"less than {SMALLEST_STRESS / 1e3:g} kPa: are they in kPa? Write the unit into the "
             f"header, as {name} [kPa], or {name} [Pa] if they are in Pa"
         )
-
-
-def _label(column: str) -> str:
-    return column.removeprefix(STRAIN).removeprefix(STRESS)
-
-
-def _columns_of_orders() -> str:
-    return " or ".join(
-        ",".join(STRAIN + label for label in labels) for labels in COMPONENT_ORDERS.values()
-    )
-
-
-def _hint(name: str, known: Sequence[str]) -> str:
-    """What an unknown column may be meant as."""
-    label = name.lower().removeprefix("gamma").lstrip("_")
-    if name.lower().startswith("gamma") and STRAIN + label in known:
-        return f"give the tensor component {STRAIN}{label}, which is half of {name}: "
-    near = get_close_matches(name.lower(), known, n=1)
-    return f"did you mean {near[0]}? " if near else ""
-
-
-def _checked_columns(names: Sequence[str], source: str) -> tuple[str, ...]:
-    known = KNOWN_COLUMNS
-    for number, name in enumerate(names, start=1):
-        if name not in known:
-            hint = _hint(name, known)
-            raise ConfigurationError(
-                f"{source}: column {number} of the header is {name!r}, which is unknown: {hint}"
-                f"name the columns {_columns_of_orders()}, separated by commas or blanks"
-            )
-    if driving := [name for name in names if name in DRIVING_COLUMNS]:
-        if len(names) > 1:
-            raise ConfigurationError(
-                f"{source}: column {driving[0]} drives a standard test and must be the only "
-                "column; remove the others, or name the strain components"
-            )
-        return tuple(names)
-    found = [_label(name) for name in names]
-    for label in found:
-        if found.count(label) > 1:
-            twice = [name for name in names if _label(name) == label]
-            raise ConfigurationError(
-                f"{source}: columns {' and '.join(twice)} prescribe one component twice; keep one"
-            )
-    # `plane` is a part of `full`: the smallest order that holds all labels is meant.
-    orders = [own for own in COMPONENT_ORDERS.values() if set(found) <= set(own)]
-    if not orders:
-        raise ConfigurationError(
-            f"{source}: columns {','.join(names)} mix component orders; name them "
-            f"{_columns_of_orders()}"
-        )
-    if missing := [label for label in min(orders, key=len) if label not in found]:
-        raise ConfigurationError(
-            f"{source}: column {STRAIN}{missing[0]} (or {STRESS}{missing[0]}) is missing; name the "
-            f"columns {_columns_of_orders()}"
-        )
-    return tuple(names)

@@ -118,7 +118,7 @@ def prediction_figure(
     runs = {name: _rows(_one_run(ds, protocol), paths) for name, ds in predictions.items()}
     quantities = ROWS if "void_ratio" in records else ROWS[:2]
     figure, axes = figure_grid(len(quantities), len(paths), panel=(2.7, 2.1), share_x=True)
-    order = component_order(tuple(str(label) for label in records["component"].values))
+    order = component_order(records["component"].values)
     styles = model_styles(runs)
     for column, path in enumerate(paths):
         member = truth.isel(path=column)

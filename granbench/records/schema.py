@@ -20,6 +20,11 @@ CONVENTIONS = (
     "compression positive; SI units; strain is logarithmic and cumulative from step 0; "
     "11 axial (prescribed), 22 intermediate, 33 minor"
 )
+"""Text of the attribute `conventions` where a dataset does not have its own."""
+PLANE_STRAIN_CONVENTIONS = (
+    "compression positive; SI units; strain is small and cumulative from step 0; shear "
+    "components are tensor components; plane strain where the model is three-dimensional"
+)
 SPLIT_PATTERN = re.compile(r"train|validation|test|ood-[a-z0-9-]+")
 VALUES_PER_BLOCK = 4_000_000
 """Values read at a time where a whole variable is walked: 16 MB of float32."""

@@ -14,8 +14,8 @@ from granbench.benchmark.evaluation import predict
 from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import EMBEDDED_FAILURES, EMBEDDED_OBSTACLE, evaluated
 from granbench.benchmark.scorecard import Scorecard
-from granbench.cells.candidate import find_candidate
 from granbench.cells.contract import Conditions, MaterialCell
+from granbench.cells.find import find_cells
 from granbench.data.normalisation import Normalisation
 from granbench.errors import ConfigurationError, ModelError
 from granbench.fem.statement import SOLVERS
@@ -191,7 +191,7 @@ def test_a_floor_without_stiffness_says_why_it_fails() -> None:
     """Persistence bears nothing new: no load step of the implicit solver balances."""
     records = task(J2(), (analysis("pressed", choices={"confinement": {
         "curvature": 1.0, "seed": 0, "mean": 1e5, "deviation": 2e4}}),))  # fmt: skip
-    predictions = made(find_candidate("persistence", records).cell, records)
+    predictions = made(find_cells("persistence", records).cell, records)
     found = card(predictions, records)
     assert values(found, "explicit")["reached_share"] == 1.0
     assert values(found, "implicit")["reached_share"] == 0.0
@@ -208,7 +208,7 @@ def test_an_analysis_that_converges_too_seldom_is_given_up(monkeypatch) -> None:
 
 def test_what_the_axis_does_not_apply_to_says_why() -> None:
     records = task()
-    oracle = find_candidate("oracle", records).cell
+    oracle = find_cells("oracle", records).cell
     predictions = made(oracle, records)
     assert "reads its answers" in predictions.attrs[EMBEDDED_OBSTACLE]
     found = [s for s in card(predictions, records).scores if s.axis == "embedded"]

@@ -7,8 +7,8 @@ import pytest
 from granbench.cells.work_budget import WorkExceeded, spend, work_budget
 from granbench.cli import main
 from granbench.cli.options import core_count
-from granbench.element_test.driven_model import Start
 from granbench.element_test.driving import Course, drive
+from granbench.element_test.start import Start
 from granbench.errors import ConfigurationError
 from granbench.models import MODELS
 from granbench.paths.standard_tests import find_test, strain_history

@@ -10,12 +10,12 @@ import xarray as xr
 from granbench.cells.contract import Rollout
 from granbench.data import load
 from granbench.data.adapters import conditions_of
-from granbench.generators.classical.design import GROUND_TRUTHS
+from granbench.generators.classical.design import DATASETS
 from granbench.models.classical import ClassicalCell
 from granbench.models.ground_truth import recording_cell
 from granbench.tensors import deviatoric_stress, mean_stress
 
-NAMES = tuple(GROUND_TRUTHS)
+NAMES = tuple(DATASETS)
 UNIT = 2.0**-17
 """Largest relative error of a recorded stress: it keeps 16 bits of mantissa."""
 

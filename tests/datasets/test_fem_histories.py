@@ -9,22 +9,24 @@ import torch
 import xarray as xr
 from gp_records import principal_stress, series
 
-from granbench.benchmark.axes.embedded.posed import posed, stiffest_at
 from granbench.benchmark.axes.embedded.predict import embedded_truth
 from granbench.data import entry, load, split_hash
 from granbench.data.adapters import conditions_of
 from granbench.data.fetch import checkout_datasets
 from granbench.data.normalisation import Normalisation
 from granbench.data.splits import leak_report, select_split
+from granbench.fem.build import build_problem
 from granbench.fem.statement import embedded_analyses
-from granbench.generators.catalogue import generator
-from granbench.generators.fem.design import GROUND_TRUTHS, PRESETS, planned_analyses
+from granbench.generators.fem.design import DATASETS, PRESETS
+from granbench.generators.fem.plan import planned_analyses
+from granbench.generators.find import find_generator
 from granbench.models.ground_truth import ground_truth_cell
+from granbench.models.isotropic_start import stiffest_normal_modulus
 from granbench.paths.drawn import STRAIN_GRID
 from granbench.records import open_records, verify
 from granbench.tensors import volumetric_strain
 
-NAMES = tuple(GROUND_TRUTHS)
+NAMES = tuple(DATASETS)
 CORE = PRESETS["core"]
 
 
@@ -60,7 +62,7 @@ def test_no_analysis_is_in_two_splits_and_no_path_is_near_another_split(name: st
 @pytest.mark.parametrize("name", NAMES)
 def test_every_planned_analysis_is_there_with_its_points(name: str) -> None:
     records = shipped(name)
-    plans = planned_analyses(GROUND_TRUTHS[name], CORE, 0)
+    plans = planned_analyses(DATASETS[name], CORE, 0)
     assert {plan.name for plan in plans} == set(records["specimen"].values.astype(str))
     for plan in plans:
         paths = of_analysis(records, plan.name)
@@ -74,10 +76,10 @@ def test_every_planned_analysis_is_there_with_its_points(name: str) -> None:
 def test_a_smooth_specimen_bears_the_confinement_on_its_sides(name: str) -> None:
     """Uniform but for its waves: sigma_xx = p_c(t) and eps_yy = d(t)/H."""
     records = shipped(name)
-    for plan in planned_analyses(GROUND_TRUTHS[name], CORE, 0):
+    for plan in planned_analyses(DATASETS[name], CORE, 0):
         if plan.choices.get("ends") != "smooth":
             continue
-        problem, paths = posed(plan), of_analysis(records, plan.name)
+        problem, paths = build_problem(plan), of_analysis(records, plan.name)
         x, pressure = problem.confinement.pressures()
         wanted = np.interp(np.linspace(0.0, 1.0, CORE.steps + 1), x, pressure)
         found = series(paths, "stress")[0, :, 0]
@@ -154,7 +156,9 @@ def test_the_embedded_analyses_are_those_of_the_records(name: str) -> None:
         recorded = json.loads(str(programmes[analysis.name]))
         stated = analysis.model_dump(mode="json")
         assert {key: stated[key] for key in recorded} == recorded
-        assert analysis.modulus == pytest.approx(stiffest_at(cell, analysis.confinement))
+        assert analysis.modulus == pytest.approx(
+            stiffest_normal_modulus(cell, analysis.confinement)
+        )
 
 
 @pytest.mark.slow
@@ -173,7 +177,7 @@ def test_the_ground_truth_comes_to_its_end_in_every_embedded_analysis(name: str)
 def test_the_registered_command_makes_the_committed_file_again(name: str, tmp_path) -> None:
     """Up to what last bits become in some thousand time steps."""
     assert entry(name).generator == f"granbench generate {name} --preset core --out DIR"
-    path, _ = generator(name)("core", tmp_path, progress="quiet")
+    path, _ = find_generator(name).generate(name, "core", tmp_path, progress="quiet")
     committed = shipped(name)
     with open_records(path) as made:
         assert split_hash(made) == entry(name).split_sha256

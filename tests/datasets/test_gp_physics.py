@@ -25,10 +25,10 @@ from gp_records import (
 from granbench.benchmark.evaluation import predict
 from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import evaluated
-from granbench.cells.candidate import find_candidate
+from granbench.cells.find import find_cells
 from granbench.data.adapters import conditions_of
 from granbench.data.normalisation import Normalisation
-from granbench.generators.classical.recorded import recorded
+from granbench.generators.rounding import recorded
 from granbench.models.csuh.formulas import critical_ratio
 from granbench.paths.drawn import STRAIN_GRID
 from granbench.records import verify
@@ -89,7 +89,7 @@ def test_the_ground_truth_goes_on_from_any_recorded_state(name: str) -> None:
 def test_who_looks_the_truth_up_scores_exactly_zero(name: str) -> None:
     records = shipped(name)
     looked_up = evaluated(records)
-    cell = find_candidate("oracle", records).cell
+    cell = find_cells("oracle", records).cell
     predictions = predict({0: cell}, looked_up, ["rollout", "single-step"])
     assert score(predictions, looked_up, Normalisation.from_training(records)).perfect
 

@@ -7,7 +7,7 @@ import pytest
 from gp_records import NAMES, series, shipped
 
 from granbench.data import entry, split_hash
-from granbench.generators.catalogue import generator
+from granbench.generators.find import find_generator
 from granbench.records import open_records
 
 
@@ -21,7 +21,7 @@ def test_the_registered_command_makes_the_committed_file_again(name: str, tmp_pa
     1e-6, and the stress from there on by some 1e-5 of its standard deviation.
     """
     assert entry(name).generator == f"granbench generate {name} --preset core --out DIR"
-    path, _ = generator(name)("core", tmp_path, progress="quiet")
+    path, _ = find_generator(name).generate(name, "core", tmp_path, progress="quiet")
     committed = shipped(name)
     with open_records(path) as made:
         assert set(made.variables) == set(committed.variables)

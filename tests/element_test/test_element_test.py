@@ -10,7 +10,7 @@ from driven_cells import BULK, CONSTRAINED, POISSON, SHEAR, YOUNG, Timid, elasti
 from granbench.baselines.linear_elastic import LinearElasticCell
 from granbench.cells.contract import Conditions
 from granbench.element_test.run import run_test
-from granbench.element_test.stress_control import Patience
+from granbench.element_test.stress_control import IterationLimits
 from granbench.errors import ConfigurationError
 from granbench.models import find_model
 from granbench.models.drucker_prager import DruckerPrager
@@ -318,7 +318,7 @@ def test_a_point_without_stress_is_asked_no_longer_than_patience_lasts():
         lost, well = torch.stack(asked).sum(dim=0).tolist()
         return lost, well, test
 
-    lost, well, impatient = questions(Patience(refusals=2))
+    lost, well, impatient = questions(IterationLimits(refusals=2))
     same_lost, same_well, patient = questions(None)
     # Both are asked alike as long as both can be followed.
     assert well == same_well

@@ -150,7 +150,7 @@ def turned_inside_out(mesh: PlaneMesh) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("element", ["quad4", "tri3"])
 def test_inverted_element_is_refused_by_its_number(element: str) -> None:
     nodes, corners = turned_inside_out(rectangle(0.5, 1.0, 4, 4, element))
-    with pytest.raises(ConfigurationError, match=r"element \d+ of the mesh, with its centre at"):
+    with pytest.raises(ConfigurationError, match=r"element \d+ "):
         PlaneMesh.of_arrays(nodes, corners, {}, element)
 
 
@@ -203,17 +203,17 @@ def test_elements_turn_over_where_a_corner_passes_its_neighbours(element: str) -
 
 
 def test_element_that_does_not_fit_the_mesh_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="4 corners, which cannot be tri6; use quad8 or"):
+    with pytest.raises(ConfigurationError, match="tri6.*quad8"):
         PlaneMesh(skfem.MeshQuad(), "tri6")
-    with pytest.raises(ConfigurationError, match="unknown element 'hexa'; there are quad8"):
+    with pytest.raises(ConfigurationError, match="'hexa'.*quad8"):
         PlaneMesh(skfem.MeshQuad(), "hexa")
 
 
 def test_unknown_boundary_and_missing_node_are_named() -> None:
     mesh = rectangle(0.5, 1.0, 2, 4)
-    with pytest.raises(ConfigurationError, match="no boundary 'lid'; there are left, right"):
+    with pytest.raises(ConfigurationError, match="'lid'.*left, right"):
         mesh.nodes_on("lid")
-    with pytest.raises(ConfigurationError, match=r"no node lies at \(0.3, 0\); the nearest is at"):
+    with pytest.raises(ConfigurationError, match=r"\(0.3, 0\)"):
         mesh.node_at(0.3, 0.0)
 
 

@@ -196,21 +196,21 @@ def test_csuh_is_recovered_from_its_own_answer() -> None:
     assert found.error < 1e-3
 
 
-def test_what_cannot_be_fitted_is_said() -> None:
+def test_what_cannot_be_fitted_is_refused() -> None:
     test = drained(j2(**TRUE_J2), loading_and_unloading(6))
-    with pytest.raises(ConfigurationError, match="no parameter 'cohesion' to fit; there are bulk"):
+    with pytest.raises(ConfigurationError, match="free.*cohesion.*bulk"):
         fit(j2(), [test], dataclasses.replace(QUICK, free=("cohesion",)))
-    with pytest.raises(ConfigurationError, match="no test to fit"):
+    with pytest.raises(ConfigurationError, match="left_out"):
         fit(j2(), [])
     with pytest.raises(ConfigurationError, match="principal"):
         fit(find_model("j2")(order="full"), [test])
-    with pytest.raises(ConfigurationError, match="no quantity 'stress_11' to weigh"):
+    with pytest.raises(ConfigurationError, match="weights.*stress_11"):
         fit(j2(), [test], dataclasses.replace(QUICK, weights={"stress_11": 2.0}))
     undrained = dataclasses.replace(test, kind="triaxial-undrained")
-    with pytest.raises(ConfigurationError, match="lateral stress cannot be held"):
+    with pytest.raises(ConfigurationError, match="triaxial-undrained.*control"):
         fit(j2(), [undrained], dataclasses.replace(QUICK, control="mixed"))
     weightless = {"deviatoric_stress": 0.0, "volumetric_strain": 0.0}
-    with pytest.raises(ConfigurationError, match="leave nothing of a test"):
+    with pytest.raises(ConfigurationError, match="weights"):
         fit(j2(), [test], dataclasses.replace(QUICK, weights=weightless))
     dry = dataclasses.replace(test, stress=test.stress - test.stress[0])
     with pytest.raises(ModelError):
@@ -221,6 +221,6 @@ def test_what_cannot_be_fitted_is_said() -> None:
     "settings",
     [{"control": "stress"}, {"points": 3}, {"starts": 0}, {"bootstrap": 5}, {"spread": -1.0}],
 )
-def test_settings_that_make_no_sense_are_refused(settings: dict) -> None:
+def test_settings_out_of_range_are_refused(settings: dict) -> None:
     with pytest.raises(ConfigurationError, match=next(iter(settings))):
         FitSettings(**settings)

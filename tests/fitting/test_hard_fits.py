@@ -13,9 +13,9 @@ from granbench.element_test.run import run_test
 from granbench.errors import ConfigurationError, ModelError
 from granbench.fitting import Effort, FitSettings, fit
 from granbench.fitting.curves import TestError
-from granbench.fitting.fitting import _require_followed
+from granbench.fitting.judgement import require_followed
+from granbench.fitting.least_squares import LOST, _weighted_errors, shortened
 from granbench.fitting.observations import batches_of
-from granbench.fitting.problem import LOST, _weighted_errors, shortened
 from granbench.fitting.report import report_of, write_report
 from granbench.fitting.uncertainty import laplace
 from granbench.laboratory import LaboratoryTest
@@ -53,8 +53,8 @@ def test_losing_a_point_costs_more_than_missing_it_by_far() -> None:
 def test_a_model_that_follows_nothing_is_no_fit() -> None:
     lost = TestError("t", "fitted", "mixed", 10, 20.0, {}, 8)
     with pytest.raises(ModelError, match="cannot follow t.* 2 of 10 points"):
-        _require_followed(j2(), [lost])
-    _require_followed(j2(), [TestError("t", "fitted", "mixed", 10, 1.0, {}, 2)])
+        require_followed(j2(), [lost])
+    require_followed(j2(), [TestError("t", "fitted", "mixed", 10, 1.0, {}, 2)])
 
 
 def test_unknown_correlations_are_null(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from granbench.fitting.least_squares import Evaluation
 from granbench.fitting.optimisation import (
     FARTHEST,
     LONGEST_STEP,
@@ -13,12 +14,11 @@ from granbench.fitting.optimisation import (
     Minimum,
     levenberg_marquardt,
 )
-from granbench.fitting.problem import Evaluation
 
 
 @dataclass(frozen=True)
 class Linear:
-    """r = A u - b: a `Problem` without a model."""
+    """r = A u - b: a `LeastSquares` without a model."""
 
     matrix: Tensor
     target: Tensor

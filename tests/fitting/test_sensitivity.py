@@ -4,31 +4,31 @@ import pytest
 import torch
 from made_tests import drained, j2, loading_and_unloading
 
+from granbench.fitting.least_squares import LeastSquares
 from granbench.fitting.observations import batches_of
 from granbench.fitting.parameter_space import ParameterSpace
-from granbench.fitting.problem import Problem
 
 TRUE = {"bulk_modulus": 3.1e6, "shear_modulus": 1.3e6, "yield_stress": 6.3e4}
 
 
 @pytest.fixture(scope="module", params=["strain", "mixed"])
-def problem(request: pytest.FixtureRequest) -> Problem:
+def problem(request: pytest.FixtureRequest) -> LeastSquares:
     tests = [
         drained(j2(**TRUE), loading_and_unloading(9), name="cyclic"),
         drained(j2(**TRUE), loading_and_unloading(6)[:5], pressure=2e5, name="shorter"),
     ]
     # Far from the truth, so that residuals are not small, and the model yields in other steps.
     space = ParameterSpace.of(j2(bulk_modulus=2e6, shear_modulus=1e6, yield_stress=5e4))
-    return Problem(space, batches_of(tests, control=request.param))
+    return LeastSquares(space, batches_of(tests, control=request.param))
 
 
 @pytest.fixture(scope="module")
-def vectors(problem: Problem) -> torch.Tensor:
+def vectors(problem: LeastSquares) -> torch.Tensor:
     generator = torch.Generator().manual_seed(1)
     return 0.3 * torch.randn(2, problem.space.size, generator=generator, dtype=torch.float64)
 
 
-def test_jacobian_agrees_with_central_differences(problem: Problem, vectors: torch.Tensor) -> None:
+def test_jacobian_agrees_with_central_differences(problem: LeastSquares, vectors: torch.Tensor) -> None:
     _, jacobian = problem.linearised(vectors)
     size = 1e-5
     for place in range(problem.space.size):
@@ -42,7 +42,7 @@ def test_jacobian_agrees_with_central_differences(problem: Problem, vectors: tor
 
 
 def test_back_propagation_gives_the_gradient_of_the_forward_mode(
-    problem: Problem, vectors: torch.Tensor
+    problem: LeastSquares, vectors: torch.Tensor
 ) -> None:
     variable = vectors.clone().requires_grad_()
     loss = problem.loss(variable)
@@ -54,7 +54,7 @@ def test_back_propagation_gives_the_gradient_of_the_forward_mode(
     torch.testing.assert_close(variable.grad, gradient, rtol=1e-6, atol=1e-9)
 
 
-def test_residuals_of_the_truth_vanish(problem: Problem) -> None:
+def test_residuals_of_the_truth_vanish(problem: LeastSquares) -> None:
     cell = problem.space.cell
     truth = torch.tensor([[TRUE[name] / cell.values()[name] for name in problem.space.names]])
     residual = problem.residuals(truth.double().log())
@@ -63,7 +63,7 @@ def test_residuals_of_the_truth_vanish(problem: Problem) -> None:
 
 
 def test_a_vector_does_not_depend_on_those_beside_it(
-    problem: Problem, vectors: torch.Tensor
+    problem: LeastSquares, vectors: torch.Tensor
 ) -> None:
     together, _ = problem.linearised(vectors)
     alone, _ = problem.linearised(vectors[1:])

@@ -104,11 +104,11 @@ def _model_submission(records: Path, out: Path) -> None:
     from granbench.benchmark.evaluation import predict
     from granbench.benchmark.predictions import evaluated
     from granbench.benchmark.protocols import AXES
-    from granbench.cells.candidate import find_candidate
+    from granbench.cells.find import find_cells
     from granbench.leaderboard.composition import compose
 
     with open_records(records) as sealed:
-        candidate = find_candidate("j2", sealed.load(), seeds=(0,))
+        candidate = find_cells("j2", sealed.load(), seeds=(0,))
         predictions = predict(candidate.cells, evaluated(sealed), AXES[:1])
         compose(predictions, sealed, about("j2"), out)
 
@@ -207,11 +207,11 @@ def _change_model(folder: Path, rng: random.Random) -> None:
 
 
 def _read_model(folder: Path) -> None:
-    from granbench.cells.candidate import find_candidate
+    from granbench.cells.find import find_cells
 
     parameters = folder / "model/parameters.json"
     model = parameters if parameters.exists() else folder / "model"
-    candidate = find_candidate(str(model), _sealed(folder), seeds=(0,))
+    candidate = find_cells(str(model), _sealed(folder), seeds=(0,))
     _ = candidate.parameters
 
 

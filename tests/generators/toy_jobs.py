@@ -38,7 +38,7 @@ def walk_of(result: Path) -> list[float]:
     return [float(line) for line in (result / "walk.txt").read_text().splitlines()]
 
 
-PHYSICAL_FAILURES = (EngineError,)
+PERMANENT_FAILURES = (EngineError,)
 
 
 def _called_too_early(configuration: Configuration) -> bool:

@@ -85,21 +85,27 @@ def tension(headers: list[str], columns: list[np.ndarray]) -> None:
 @pytest.mark.parametrize(
     ("spoil", "named"),
     [
-        (wrong_unit, ["line 8", "'q [kPa]'", "5e+08 kPa", "suspicious", "--unit deviatoric_str"]),
-        (pascals, ["suspicious", "--unit stress=kPa"]),
-        (percent_as_ratio, ["line 41", "'eps1 [-]'", "suspicious", "--unit axial_strain=%"]),
-        (void_ratio_in_percent, ["line 2", "'e [%]'", "suspicious", "--unit void_ratio=-"]),
+        (
+            wrong_unit,
+            ["line 8", "'q [kPa]'", "5e+08 kPa", "suspicious", "units={'deviatoric_stress'"],
+        ),
+        (pascals, ["suspicious", "units={'stress': 'kPa'}"]),
+        (percent_as_ratio, ["line 41", "'eps1 [-]'", "suspicious", "units={'axial_strain': '%'}"]),
+        (void_ratio_in_percent, ["line 2", "'e [%]'", "suspicious", "units={'void_ratio': '-'}"]),
         (not_a_number, ["line 6", "'p [kPa]'", "'nan'"]),
-        (no_unit, ["'q'", "no unit", "'q [kPa]'", "--unit deviatoric_stress=kPa"]),
-        (force, ["'q [kN]'", "'kN'", "no unit that is known", "MPa", "--unit deviatoric_stress="]),
-        (barrels, ["'e [bbl]'", "'bbl'", "use %", "--unit void_ratio="]),
-        (stress_in_percent, ["'q [%]'", "'%'", "kPa", "--unit deviatoric_stress=kPa"]),
-        (no_axial_strain, ["axial strain", "'time [-]'", "--column axial_strain=HEADER"]),
-        (no_lateral_stress, ["lateral stress", "'q [kPa]'", "--lateral-stress PA"]),
+        (no_unit, ["'q'", "no unit", "'q [kPa]'", "units={'deviatoric_stress': 'kPa'}"]),
+        (force, ["'q [kN]'", "'kN'", "not a known unit", "MPa", "units={'deviatoric_stress'"]),
+        (barrels, ["'e [bbl]'", "'bbl'", "use %", "units={'void_ratio'"]),
+        (stress_in_percent, ["'q [%]'", "'%'", "kPa", "units={'deviatoric_stress': 'kPa'}"]),
+        (no_axial_strain, ["axial strain", "'time [-]'", "columns={'axial_strain': HEADER}"]),
+        (no_lateral_stress, ["lateral stress", "'q [kPa]'", "lateral_stress=PA"]),
         (twice, ["'p [kPa]' and 'p [kPa]' both", "mean stress", "remove one"]),
-        (two_names, ["'q [kPa]' and 'deviator stress [kPa]'", "--column deviatoric_stress=HEADER"]),
+        (
+            two_names,
+            ["'q [kPa]' and 'deviator stress [kPa]'", "columns={'deviatoric_stress': HEADER}"],
+        ),
         (four_points, ["4 rows", "5"]),
-        (tension, ["line 2", "mean stress", "-100000 Pa", "--tension-positive"]),
+        (tension, ["line 2", "mean stress", "-100000 Pa", "tension_positive=True"]),
     ],
 )
 def test_bad_files_are_refused_in_one_sentence(
@@ -121,7 +127,7 @@ def test_a_falling_axial_strain_is_refused_only_where_the_test_is_monotonic(tmp_
 
     path = spoilt(tmp_path, swap)
     assert len(read_tests(path)) == 1
-    with pytest.raises(DatasetError, match=r"line 13: column 'eps1 \[%\]': .* falls.*--monotonic"):
+    with pytest.raises(DatasetError, match=r"line 13: column 'eps1 \[%\]': .* falls.*monotonic"):
         read_tests(path, ImportSettings(monotonic=True))
 
 
@@ -133,7 +139,7 @@ def test_a_test_without_volume_is_read_only_where_the_lateral_stress_stands_for_
     path = write_csv(tmp_path / "cd.csv", ["eps1 [%]", "q [kPa]", "p [kPa]"], columns)
     (test,) = read_tests(path)
     assert not test.lateral_strain_known
-    with pytest.raises(DatasetError, match="total or effective stresses"):
+    with pytest.raises(DatasetError, match="stresses='effective'"):
         read_tests(path, ImportSettings(kind="triaxial-undrained"))
 
 
@@ -144,7 +150,7 @@ def test_a_test_without_volume_is_read_only_where_the_lateral_stress_stands_for_
         (b"1,2,3\n4,5,6\n", "line 1: numbers begin without a header"),
         (b"eps1 [%],q [kPa]\n0,1\n1,2,3\n", "line 3: has 3 cells for 2 .* if commas are decimal"),
         (b"\x00\x01\x02\x00binary", "not a text file"),
-        (b"PK\x05\x06" + b"\0" * 18, "belong to no format"),
+        (b"PK\x05\x06" + b"\0" * 18, "no known format"),
     ],
 )
 def test_files_of_another_kind_are_refused(content: bytes, named: str, tmp_path: Path) -> None:
@@ -157,7 +163,7 @@ def test_files_of_another_kind_are_refused(content: bytes, named: str, tmp_path:
 def test_workbooks_that_are_none_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "protocol.xlsx"
     path.write_bytes(b"no archive")
-    with pytest.raises(DatasetError, match=r"is no \.xlsx workbook"):
+    with pytest.raises(DatasetError, match=r"xlsx"):
         read_tests(path)
     with pytest.raises(DatasetError, match="there is no such file"):
         read_tests(tmp_path / "nothing.csv")
@@ -177,17 +183,17 @@ def test_a_workbook_names_sheet_and_row_of_a_bad_cell(tmp_path: Path) -> None:
     [
         (
             {"columns": {"strain_axial": "A"}},
-            "--column strain_axial: there is no quantity 'strain_axial'",
+            "columns=.*no quantity 'strain_axial'",
         ),
-        ({"units": {"stress": "%"}}, "--unit stress=%: '%' is no unit of stress"),
-        ({"units": {"mean_stress": "psig"}}, "--unit mean_stress=psig: 'psig' is no unit.*kPa"),
-        ({"units": {"strian": "%"}}, "--unit strian"),
-        ({"kind": "triaxal"}, "--kind triaxal"),
-        ({"strain_measure": "true"}, "--strain-measure true"),
-        ({"initial_void_ratio": -0.1}, "--e0 -0.1"),
-        ({"initial_void_ratio": 80.0}, "--e0 80 .*0.8, not 80 %"),
-        ({"lateral_stress": -1e5}, "--lateral-stress -100000 .*in Pa"),
-        ({"lateral_stress": 1e12}, "--lateral-stress"),
+        ({"units": {"stress": "%"}}, "units=.*'%'"),
+        ({"units": {"mean_stress": "psig"}}, "units=.*'psig'.*kPa"),
+        ({"units": {"strian": "%"}}, "units=.*strian"),
+        ({"kind": "triaxal"}, "kind='triaxal'"),
+        ({"strain_measure": "true"}, "strain_measure='true'"),
+        ({"initial_void_ratio": -0.1}, "initial_void_ratio=-0.1"),
+        ({"initial_void_ratio": 80.0}, "initial_void_ratio=80.0"),
+        ({"lateral_stress": -1e5}, "lateral_stress=-100000.0 .*Pa"),
+        ({"lateral_stress": 1e12}, "lateral_stress"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused(settings: dict, named: str) -> None:
@@ -224,5 +230,5 @@ def test_a_strange_unit_in_a_line_of_units_is_named(units: str, tmp_path: Path) 
     rows = [";".join(f"{value:.12g}" for value in row) for row in zip(*columns, strict=True)]
     path = tmp_path / "cd.csv"
     path.write_text("\n".join(["Versuch 7", "eps1;epsv;q;p", units, *rows]))
-    with pytest.raises(DatasetError, match=r"column 'q \[kN\]' .* is in 'kN'.*--unit"):
+    with pytest.raises(DatasetError, match=r"column 'q \[kN\]' .* is in 'kN'.*units="):
         read_tests(path)

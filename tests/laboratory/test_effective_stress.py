@@ -143,19 +143,19 @@ def test_drained_tests_are_read_less_their_back_pressure(
         (
             {"cell [kPa]": CELL, "du [kPa]": EXCESS, "q [kPa]": Q},
             {},
-            ["'du [kPa]'", "--back-pressure"],
+            ["'du [kPa]'", "back_pressure"],
         ),
         (
             {"s1 [kPa]": CELL + Q, "s3 [kPa]": CELL, "bp [kPa]": 300.0 + 0 * Q, "epsv [%]": VOLUME},
             {},
-            ["'s3 [kPa]'", "--stresses"],
+            ["'s3 [kPa]'", "stresses"],
         ),
         (
             {"s1 [kPa]": 200.0 + Q, "s3 [kPa]": 200.0 + 0 * Q, "u [kPa]": EXCESS},
             {},
-            ["'u [kPa]'", "--back-pressure"],
+            ["'u [kPa]'", "back_pressure"],
         ),
-        ({"u [kPa]": PORE, "q [kPa]": Q}, {}, ["lateral stress", "--cell-pressure"]),
+        ({"u [kPa]": PORE, "q [kPa]": Q}, {}, ["lateral stress", "cell_pressure"]),
         # Total stresses of an undrained test, without its pore pressure.
         (
             {"s1 [kPa]": CELL + Q, "s3 [kPa]": CELL},
@@ -176,12 +176,12 @@ def test_drained_tests_are_read_less_their_back_pressure(
         (
             {"p [kPa]": 200.0 + Q / 3, "q [kPa]": Q, "epsv [%]": VOLUME},
             {"lateral_stress": 1e5},
-            ["--lateral-stress", "'p [kPa]'"],
+            ["lateral_stress", "'p [kPa]'"],
         ),
         (
             {"u [kPa]": PORE, "q [kPa]": Q},
             {"lateral_stress": 2e5},
-            ["--lateral-stress", "--cell-pressure"],
+            ["lateral_stress", "cell_pressure"],
         ),
         (
             {"cell [kPa]": CELL, "u [kPa]": PORE, "q [kPa]": Q},
@@ -191,17 +191,17 @@ def test_drained_tests_are_read_less_their_back_pressure(
         (
             {"s1' [kPa]": LATERAL + Q, "s3' [kPa]": LATERAL, "epsv [%]": VOLUME},
             {"kind": "triaxial-undrained"},
-            ["'epsv [%]'", "--kind"],
+            ["'epsv [%]'", "kind"],
         ),
         (
             {"cell [kPa]": CELL, "u [kPa]": PORE, "q [kPa]": Q},
             {"back_pressure": 1e5},
-            ["'u [kPa]'", "--back-pressure"],
+            ["'u [kPa]'", "back_pressure"],
         ),
         (
             {"p [kPa]": 200.0 + Q / 3, "q [kPa]": Q, "epsv [%]": VOLUME, "e": 0.8 - 0.018 * VOLUME},
             {"initial_void_ratio": 0.6},
-            ["'e'", "--e0"],
+            ["'e'", "initial_void_ratio"],
         ),
         (
             {
@@ -223,9 +223,9 @@ def test_drained_tests_are_read_less_their_back_pressure(
         (
             {"p [kPa]": 200.0 + Q / 3, "q [kPa]": Q, "Axial load (kN)": Q},
             {},
-            ["'Axial load (kN)'", "--ignore 'Axial load (kN)'", "--column"],
+            ["'Axial load (kN)'", "ignore=('Axial load (kN)',)", "columns="],
         ),
-        ({"Total axial stress σ1' [kPa]": Q, "q [kPa]": Q}, {}, ["σ1'", "--column"]),
+        ({"Total axial stress σ1' [kPa]": Q, "q [kPa]": Q}, {}, ["σ1'", "columns="]),
     ],
 )
 def test_what_a_file_leaves_open_is_asked_about(
@@ -256,14 +256,14 @@ def test_extension_is_read_with_its_signs(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        ({"eps1 [%]": -AXIAL, "epsv [%]": -VOLUME}, ["'eps1 [%]'", "--tension-positive"]),
+        ({"eps1 [%]": -AXIAL, "epsv [%]": -VOLUME}, ["'eps1 [%]'", "tension_positive=True"]),
         ({"q [kPa]": -Q, "p [kPa]": 200.0 - Q / 3}, ["'eps1 [%]'", "sign"]),
         (
             {"eps1 [%]": AXIAL / 100.0, "epsv [%]": VOLUME / 100.0},
-            ["'eps1 [%]'", "--unit strain=-"],
+            ["'eps1 [%]'", "units={'strain': '-'}"],
         ),
-        ({"q [kPa]": Q / 1e3, "p [kPa]": 0.2 + Q / 3e3}, ["--unit stress=MPa"]),
-        ({"q [kPa]": 1e3 * Q, "p [kPa]": 1e3 * (200.0 + Q / 3)}, ["--unit stress=Pa"]),
+        ({"q [kPa]": Q / 1e3, "p [kPa]": 0.2 + Q / 3e3}, ["units={'stress': 'MPa'}"]),
+        ({"q [kPa]": 1e3 * Q, "p [kPa]": 1e3 * (200.0 + Q / 3)}, ["units={'stress': 'Pa'}"]),
     ],
     ids=["strain negative", "q negative", "ratio as per cent", "MPa as kPa", "Pa as kPa"],
 )
@@ -302,19 +302,19 @@ def test_oedometer_tests_need_no_lateral_stress(by: str, tmp_path: Path) -> None
     np.testing.assert_allclose(test.stress[0], [10e3, 4e3, 4e3])
     assert test.interpretation is not None
     assert any("K0 = 0.4" in note for note in test.interpretation.notes)
-    with pytest.raises(DatasetError, match="--lateral-stress"):
+    with pytest.raises(DatasetError, match="lateral_stress"):
         read(tmp_path, columns, kind="oedometer", lateral_stress=1e5)
 
 
 @pytest.mark.parametrize(
     ("settings", "named"),
     [
-        ({"stresses": "both"}, "--stresses both"),
-        ({"cell_pressure": -1.0}, "--cell-pressure -1"),
-        ({"cell_pressure": 500.0}, "--cell-pressure 500 .*500000"),
-        ({"back_pressure": -1.0}, "--back-pressure -1"),
-        ({"back_pressure": 300.0}, "--back-pressure 300 .*Pa"),
-        ({"k0": 0.0}, "--k0 0"),
+        ({"stresses": "both"}, "stresses='both'"),
+        ({"cell_pressure": -1.0}, "cell_pressure=-1.0"),
+        ({"cell_pressure": 500.0}, "cell_pressure=500.0 .*500000"),
+        ({"back_pressure": -1.0}, "back_pressure=-1.0"),
+        ({"back_pressure": 300.0}, "back_pressure=300.0 .*Pa"),
+        ({"k0": 0.0}, "k0=0.0"),
     ],
 )
 def test_pressures_that_make_no_sense_are_refused(settings: dict, named: str) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from granbench.errors import DatasetError
 from granbench.laboratory import ImportSettings, read_tests
-from granbench.laboratory.quantities import known_quantity
+from granbench.laboratory.headers import known_quantity
 from granbench.units.known_units import unit_factor
 
 ROWS = [(0.0, 0.0, 100.0, 0.0), (1.0, 0.3, 100.0, 80.0), (2.0, 0.4, 100.0, 120.0),
@@ -50,10 +50,10 @@ def test_a_header_that_means_something_else_is_not_taken_for_the_quantity(
     place: int, header: str, tmp_path: Path
 ) -> None:
     path = write(tmp_path, place, header)
-    with pytest.raises(DatasetError, match="--column") as refused:
+    with pytest.raises(DatasetError, match="columns=") as refused:
         read_tests(path, ImportSettings())
     assert header in str(refused.value)
-    assert "--ignore" in str(refused.value)
+    assert "ignore=" in str(refused.value)
 
 
 @pytest.mark.parametrize(

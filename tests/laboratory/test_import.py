@@ -143,7 +143,7 @@ def test_void_ratio_of_a_protocol_is_not_overridden(tmp_path: Path) -> None:
     stated = drained_curve()["e"][0]
     (test,) = read_tests(path, ImportSettings(initial_void_ratio=stated))
     assert test.initial_void_ratio == pytest.approx(stated)
-    with pytest.raises(DatasetError, match=r"cell B1.*--e0 is"):
+    with pytest.raises(DatasetError, match=r"cell B1.*initial_void_ratio is"):
         read_tests(path, ImportSettings(initial_void_ratio=stated + 0.1))
 
 

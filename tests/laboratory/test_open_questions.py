@@ -7,8 +7,8 @@ import pytest
 
 from granbench.errors import DatasetError
 from granbench.laboratory import ImportSettings, LaboratoryTest, read_tests
-from granbench.laboratory.assembly import assemble
-from granbench.laboratory.quantities import known_quantity
+from granbench.laboratory.headers import known_quantity
+from granbench.laboratory.interpretation import laboratory_test_from
 from granbench.tables.table_files import _table as table_of
 from granbench.tables.table_layout import find_headings
 from granbench.tables.workbook import SheetRow
@@ -41,7 +41,7 @@ def test_a_pore_pressure_that_begins_low_may_be_an_excess(
     first: float, header: str, tmp_path: Path
 ) -> None:
     columns = {"eps1 [%]": AXIAL, "q [kPa]": Q, "Cell pressure [kPa]": CELL, header: first + EXCESS}
-    with pytest.raises(DatasetError, match="--back-pressure"):
+    with pytest.raises(DatasetError, match="back_pressure"):
         read(tmp_path, columns)
     absolute = read(tmp_path, columns, back_pressure=0.0)
     assert absolute.initial_mean_stress == pytest.approx(1e3 * (500.0 - first))
@@ -62,7 +62,7 @@ def test_a_unit_for_all_stresses_leaves_columns_of_another_dimension_alone(
     columns = {"eps1 [%]": AXIAL, "epsv [%]": VOLUME, header: CELL}
     others = {"q [kPa]": Q, "sigma3 [kPa]": CELL}
     columns |= {name: series for name, series in others.items() if name[:2] != header[:2]}
-    with pytest.raises(DatasetError, match="--ignore"):
+    with pytest.raises(DatasetError, match="ignore="):
         read(tmp_path, columns, units={"stress": "kPa"})
 
 
@@ -102,7 +102,7 @@ def test_an_unmarked_stress_beside_a_changing_pore_pressure_is_asked_about(
         "Cell pressure [kPa]": CELL - 100.0,
         "Pore pressure [kPa]": 200.0 + EXCESS,
     }
-    with pytest.raises(DatasetError, match="--stresses"):
+    with pytest.raises(DatasetError, match="stresses"):
         read(tmp_path, columns)
     read(tmp_path, columns, stresses="effective")
 
@@ -116,8 +116,8 @@ def test_an_axial_stress_alone_is_first_thought_to_be_of_an_oedometer(
     with pytest.raises(DatasetError) as problem:
         read(tmp_path, {other: deformed, name: 50.0 + 100.0 * AXIAL})
     text = str(problem.value)
-    assert text.find("--kind oedometer") > 0
-    assert "--lateral-stress" not in text[: text.find("--kind oedometer")]
+    assert text.find("kind='oedometer'") > 0
+    assert "lateral_stress" not in text[: text.find("kind='oedometer'")]
 
 
 def test_without_a_volume_both_kinds_of_drainage_are_named(tmp_path: Path) -> None:
@@ -151,7 +151,7 @@ def test_without_a_volume_both_kinds_of_drainage_are_named(tmp_path: Path) -> No
 )
 def test_pressures_above_the_table_are_asked_about(line: str, tmp_path: Path) -> None:
     for above in ((line,), ("Specimen 4", line, "", "Sand")):
-        with pytest.raises(DatasetError, match=r"--stresses") as problem:
+        with pytest.raises(DatasetError, match=r"stresses") as problem:
             read(tmp_path, DRAINED, above)
         assert line.split()[0].strip("#,;") in str(problem.value)
         effective = read(tmp_path, DRAINED, above, stresses="effective")
@@ -189,7 +189,7 @@ def test_pressures_above_the_table_do_not_matter_where_its_headers_settle_them(
     ],
 )
 def test_an_undrained_test_is_not_read_as_another(line: str, tmp_path: Path) -> None:
-    with pytest.raises(DatasetError, match="--kind triaxial-undrained"):
+    with pytest.raises(DatasetError, match="kind='triaxial-undrained'"):
         read(tmp_path, DRAINED, (line,))
     assert read(tmp_path, DRAINED, (line,), kind="triaxial-drained").kind == "triaxial-drained"
     effective = {"eps1 [%]": AXIAL, "q [kPa]": Q, "p' [kPa]": 200.0 - EXCESS + Q / 3.0}
@@ -203,7 +203,7 @@ def test_an_undrained_test_is_not_read_as_another(line: str, tmp_path: Path) -> 
      "Traction positive", "Stresses (positive in tension)"],
 )  # fmt: skip
 def test_a_file_that_says_tension_positive_needs_the_option(line: str, tmp_path: Path) -> None:
-    with pytest.raises(DatasetError, match="--tension-positive"):
+    with pytest.raises(DatasetError, match="tension_positive=True"):
         read(tmp_path, DRAINED, (line,))
     turned = DRAINED | {name: -DRAINED[name] for name in ("eps1 [%]", "epsv [%]", "sigma3 [kPa]")}
     test = read(tmp_path, turned, (line,), tension_positive=True)
@@ -216,7 +216,7 @@ def test_a_file_that_says_tension_positive_needs_the_option(line: str, tmp_path:
      "Dehnungen logarithmisch", "Déformation logarithmique"],
 )  # fmt: skip
 def test_a_file_that_says_logarithmic_needs_the_option(line: str, tmp_path: Path) -> None:
-    with pytest.raises(DatasetError, match="--strain-measure logarithmic"):
+    with pytest.raises(DatasetError, match="strain_measure='logarithmic'"):
         read(tmp_path, DRAINED, (line,))
     test = read(tmp_path, DRAINED, (line,), strain_measure="logarithmic")
     np.testing.assert_allclose(test.axial_strain, AXIAL / 100.0)
@@ -244,7 +244,7 @@ def test_a_line_between_the_names_and_the_rows_counts_as_well(tmp_path: Path) ->
         "eps1 epsv q sigma3\n% % kPa kPa\n# back pressure 300 kPa\n"
         + "\n".join(f"{e} {v} {q} 500" for e, v, q in zip(AXIAL, VOLUME, Q, strict=True))
     )
-    with pytest.raises(DatasetError, match="line 3.*--stresses"):
+    with pytest.raises(DatasetError, match="line 3.*stresses"):
         read_tests(tmp_path / "test.dat")
 
 
@@ -258,5 +258,5 @@ def test_lines_above_the_table_of_a_sheet_count_as_well(tmp_path: Path) -> None:
     assert headings is not None
     table = table_of("test.xlsx", rows, headings, DatasetError)
     assert table.preamble == ((3, "Back pressure 300.0"),)
-    with pytest.raises(DatasetError, match=r"row 3.*--stresses"):
-        assemble(table, ImportSettings(), "test")
+    with pytest.raises(DatasetError, match=r"row 3.*stresses"):
+        laboratory_test_from(table, ImportSettings(), "test")

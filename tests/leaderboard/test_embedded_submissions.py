@@ -15,7 +15,7 @@ from granbench.benchmark.evaluation import predict
 from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import evaluated, open_predictions, write_predictions
 from granbench.benchmark.scorecard import Score, Scorecard
-from granbench.cells.candidate import find_candidate
+from granbench.cells.find import find_cells
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
 from granbench.leaderboard.agreement import RERUN, RESCORED, compare
@@ -132,7 +132,7 @@ def test_predictions_of_other_analyses_are_refused(submission, records, case) ->
 
 
 def test_a_kept_model_is_analysed_again(tmp_path, records) -> None:
-    candidate = find_candidate("linear-elastic", records)
+    candidate = find_cells("linear-elastic", records)
     predictions = predict(candidate.cells, evaluated(records), ["embedded"])
     out = tmp_path / "elastic.json"
     facts = about("elastic", parameters=candidate.parameters, role="floor")

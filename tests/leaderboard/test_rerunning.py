@@ -19,7 +19,7 @@ from granbench.benchmark.evaluation import predict
 from granbench.benchmark.predictions import evaluated
 from granbench.benchmark.protocols import AXES
 from granbench.benchmark.scorecard import Score
-from granbench.cells.candidate import Candidate, find_candidate
+from granbench.cells.find import FoundModel, find_cells
 from granbench.errors import SubmissionError
 from granbench.leaderboard.agreement import RERUN
 from granbench.leaderboard.board import Row, accept, accepted
@@ -60,7 +60,7 @@ def plane(tmp_path_factory) -> xr.Dataset:
 
 def kept(model: str, records: xr.Dataset, out: Path, axes=AXES, **given) -> Path:
     """A submission with its model, as `granbench evaluate --keep model` writes it."""
-    candidate = find_candidate(model, records, **given)
+    candidate = find_cells(model, records, **given)
     predictions = predict(
         candidate.cells,
         evaluated(records),
@@ -305,18 +305,18 @@ def test_what_may_differ_in_physics_turns_no_passed_check_into_a_failed_one_by_m
 
 
 def test_only_data_and_the_projects_own_code_are_run_again(plane, records) -> None:
-    require_data_only(find_candidate("j2", plane))
-    own = Candidate("secant", dict.fromkeys(SEEDS, secant()))
+    require_data_only(find_cells("j2", plane))
+    own = FoundModel("secant", dict.fromkeys(SEEDS, secant()))
     with pytest.raises(SubmissionError, match="keep its predictions"):
         require_data_only(own)
 
     class MyJ2(J2):
         """Could do anything."""
 
-    derived = Candidate("j2", dict.fromkeys(SEEDS, MyJ2()))
+    derived = FoundModel("j2", dict.fromkeys(SEEDS, MyJ2()))
     with pytest.raises(SubmissionError, match="cannot be run again from data alone"):
         require_data_only(derived)
-    different = Candidate("j2", {seed: J2() for seed in SEEDS})
+    different = FoundModel("j2", {seed: J2() for seed in SEEDS})
     with pytest.raises(SubmissionError, match="one set of parameters"):
         require_data_only(different)
 
@@ -363,7 +363,7 @@ def test_the_page_shows_that_a_model_was_run_again(submission, plane, tmp_path) 
 
 
 def test_a_page_shows_both_kinds_of_evidence(submission, plane, tmp_path) -> None:
-    cell = find_candidate("j2", plane).cell
+    cell = find_cells("j2", plane).cell
     out = tmp_path / "told.json"
     predictions = predict(dict.fromkeys(SEEDS, cell), evaluated(plane), AXES)
     compose(predictions, plane, about("told"), out)

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from granbench.errors import ConfigurationError
 from granbench.paths.answer_files import answer_records, write_answer
-from granbench.paths.strain_files import STRAIN, STRESS, read_path
+from granbench.paths.path_columns import STRAIN, STRESS
+from granbench.paths.strain_files import read_path
 from granbench.records import open_records, verify, write_records
 
 PLANE = "eps_xx,eps_yy,eps_xy\n"

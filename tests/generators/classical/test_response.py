@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from granbench.generators.classical.recorded import recorded
 from granbench.generators.classical.response import isotropic_start, response
+from granbench.generators.rounding import recorded
 from granbench.models import MODELS
 from granbench.models.j2 import J2
 from granbench.paths.drawn import on_strain_grid

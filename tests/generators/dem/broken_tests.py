@@ -5,10 +5,10 @@ import signal
 
 from granbench.generators.dem import recording
 from granbench.generators.dem.box import GrainBox
-from granbench.generators.dem.jobs import PHYSICAL_FAILURES, failure_reason, shear
+from granbench.generators.dem.jobs import PERMANENT_FAILURES, failure_reason, shear
 
 __all__ = [
-    "PHYSICAL_FAILURES",
+    "PERMANENT_FAILURES",
     "failure_reason",
     "held_too_loosely",
     "killed",

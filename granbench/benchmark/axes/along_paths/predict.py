@@ -18,8 +18,8 @@ from granbench.benchmark.axes.along_paths.protocols import (
 from granbench.benchmark.axes.along_paths.single_step import single_step
 from granbench.benchmark.evaluation_run import EvaluationRun
 from granbench.benchmark.scored_records import ScoredRecords
-from granbench.benchmark.surviving import Series
 from granbench.cells.contract import MaterialCell
+from granbench.cells.robust_runs import Series
 
 SCORED_INTERNALS = ("void_ratio",)
 """Internal variables that are kept beside the stress; no metric needs the others."""

@@ -10,8 +10,8 @@ from torch import Tensor
 from granbench.benchmark.axes.along_paths.free_run import strain_of
 from granbench.benchmark.axes.cost.metrics import POINTS, TRUTH_UPDATE, UPDATE
 from granbench.benchmark.axes.physics.checks import checked_paths
-from granbench.benchmark.surviving import surviving_course
 from granbench.cells.contract import FLOATING_FAILURES, MaterialCell
+from granbench.cells.robust_runs import robust_states
 from granbench.data.adapters import conditions_of
 
 ROUNDS = 7
@@ -68,7 +68,7 @@ def _starts(cell: MaterialCell, dataset: xr.Dataset) -> tuple[Tensor, Tensor]:
     """
     records = dataset.isel(path=checked_paths(dataset))
     strain = strain_of(records)
-    course = surviving_course(cell, strain, conditions_of(records, dtype=cell.dtype))
+    course = robust_states(cell, strain, conditions_of(records, dtype=cell.dtype))
     state = course["state"][:, :-1]
     finite = torch.isfinite(course["state"]).all(dim=-1)
     alive = finite[:, :-1] & finite[:, 1:]

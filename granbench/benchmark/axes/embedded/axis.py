@@ -81,6 +81,7 @@ class Embedded(Axis):
     parts = PARTS
     own_metrics = METRICS
     tells_models_apart = True
+    needs_analyses = True
     labels = {"solver": SOLVERS}
     json_attributes = (EMBEDDED_FAILURES,)
     highlights = (

@@ -14,17 +14,18 @@ import numpy as np
 import torch
 import xarray as xr
 
-from granbench.benchmark.axes.embedded.metered_cell import MeteredCell
-from granbench.benchmark.axes.embedded.posed import posed, start_of
+from granbench.benchmark.axes.embedded.timed_cell import TimedCell
 from granbench.benchmark.scored_records import ScoredRecords
 from granbench.cells.check import POINTS
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.errors import ConfigurationError
 from granbench.fem import ExplicitSettings, ImplicitSettings, run
 from granbench.fem.analysis import settings_for
+from granbench.fem.build import build_problem
 from granbench.fem.cell_failure import CellFailure
 from granbench.fem.statement import SOLVERS, EmbeddedAnalysis, spread_points
 from granbench.models.classical import ClassicalCell
+from granbench.models.isotropic_start import internals_at_start
 from granbench.tensors import COMPONENT_ORDERS
 
 ORDER = "plane"
@@ -53,7 +54,7 @@ REPEATS, PATIENCE = 3, 2.0
 def analysis_start(cell: MaterialCell, task: ScoredRecords) -> Conditions:
     """What is known of a few Gauss points where the first analysis of a task begins."""
     pressure = task.analyses[0].confinement
-    start = start_of(task.require_ground_truth(), pressure)
+    start = internals_at_start(task.require_ground_truth(), pressure)
     scalars = {"initial_mean_stress": pressure, **start}
     stress = torch.tensor([[pressure, pressure, 0.0]] * POINTS, dtype=cell.dtype)
     known = {
@@ -128,7 +129,7 @@ def _analysed(
     cell: MaterialCell, analysis: EmbeddedAnalysis, solver: str, truth: ClassicalCell
 ) -> xr.Dataset:
     """What is kept of one analysis, see `embedded`."""
-    problem = posed(analysis)
+    problem = build_problem(analysis)
     settings = settings_for(problem, solver)
     if isinstance(settings, ExplicitSettings):
         # The stated number of outputs, so that all analyses of a dataset have one shape.
@@ -138,8 +139,8 @@ def _analysed(
     else:
         settings = replace(settings, steps=analysis.outputs, cuts=CUTS)
     limit = UPDATES * analysis.outputs if isinstance(settings, ImplicitSettings) else None
-    metered = MeteredCell(cell, limit)
-    start = start_of(truth, analysis.confinement)
+    metered = TimedCell(cell, limit)
+    start = internals_at_start(truth, analysis.confinement)
     begin = time.process_time()
     # `predict` has checked the cell, which must not count as calls or time of the analysis.
     result = run(problem, metered, solver=settings, mesh=analysis.mesh, scalars=start, check=False)
@@ -182,12 +183,12 @@ def _without_outputs(analysis: EmbeddedAnalysis) -> xr.Dataset:
 
 def _warm_up(cell: MaterialCell, analysis: EmbeddedAnalysis, truth: ClassicalCell) -> None:
     """What libraries do once, before anything is timed."""
-    problem = replace(posed(analysis), end_strain=1e-6)
-    start = start_of(truth, analysis.confinement)
+    problem = replace(build_problem(analysis), end_strain=1e-6)
+    start = internals_at_start(truth, analysis.confinement)
     explicit = replace(problem.explicit(), outputs=1, modulus=analysis.modulus)
     for settings in (explicit, replace(problem.implicit(), steps=1, cuts=0)):
         run(
-            problem, MeteredCell(cell), solver=settings, mesh=analysis.mesh, scalars=start,
+            problem, TimedCell(cell), solver=settings, mesh=analysis.mesh, scalars=start,
             check=False,
         )  # fmt: skip
 

@@ -1,0 +1,144 @@
+"""Write the tables of scores into docs/scores.md from the accepted submissions.
+
+``python docs/scores_page.py`` from the root of the checkout; `make docs` does it. A test checks
+that the tables in docs/scores.md are those that this makes.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from page_parts import table, with_part
+
+from granbench.benchmark.protocols import EMBEDDED
+from granbench.benchmark.scorecard import ALL, Score
+from granbench.fem.statement import SOLVERS
+from granbench.leaderboard.board import accepted, default_folder
+from granbench.leaderboard.reference import replicate_scatters
+from granbench.leaderboard.submission import Submission
+from granbench.leaderboard.tables import RANKED_PROTOCOL, main_table, number, share
+
+PAGE = Path(__file__).with_name("scores.md")
+TASK, SPLIT, METRIC = "dem-triaxial", "test", "stress_mse_mean"
+LEAST = 1e-300
+"""Stands for zero in a mean of logarithms."""
+RANDOM_PATH_TASKS = ("gp-j2", "gp-dp", "gp-j2-hardening", "gp-ime", "gp-csuh")
+ANALYSED_TASKS = ("fem-ime", "fem-csuh")
+
+
+def scores_table(submissions: Sequence[Submission], floor: float | None) -> str:
+    """Markdown table of one metric by protocol.
+
+    Parameters
+    ----------
+    submissions : of one task
+    floor : normalised MSE that scatter between packings alone gives
+    """
+    board = main_table(submissions, SPLIT, METRIC, floor)
+    rows = []
+    for row in board.rows:
+        shown = (
+            f"{cell.text} ({cell.interval})" if cell.interval else str(cell.text)
+            for cell in row.cells
+        )
+        rows.append((row.name, *shown))
+    return table(("model", *board.columns), rows)
+
+
+def rollout_table(by_task: Mapping[str, Sequence[Submission]]) -> str:
+    """Markdown table of the whole-path rollout: models against tasks, in the order of their mean.
+
+    Parameters
+    ----------
+    by_task : submissions of each task; a model that a task has none of gets a dash
+    """
+    known: dict[str, dict[str, Score]] = {}
+    for task, submissions in by_task.items():
+        for submission in submissions:
+            if score := _mean_score(submission, RANKED_PROTOCOL, SPLIT, METRIC):
+                known.setdefault(submission.name, {})[task] = score
+
+    def rank(name: str) -> tuple[int, float, str]:
+        """Models with scores on more tasks first, then by the geometric mean of their errors."""
+        values = [score.value for score in known[name].values() if score.value is not None]
+        mean = sum(math.log(max(value, LEAST)) for value in values) / max(len(values), 1)
+        return -len(values), mean, name
+
+    rows = [
+        (name, *(_shown(known[name].get(task)) for task in by_task))
+        for name in sorted(known, key=rank)
+    ]
+    return table(("model", *by_task), rows)
+
+
+def analyses_table(by_task: Mapping[str, Sequence[Submission]]) -> str:
+    """Markdown table of path and analysis errors: models, in the order of their tasks and errors.
+
+    Parameters
+    ----------
+    by_task : submissions of each task that states analyses
+    """
+    header = ("task", "model", "rollout, test paths", *(f"reaction, {name}" for name in SOLVERS),
+              *(f"steps before failure, {name}" for name in SOLVERS))  # fmt: skip
+    rows = []
+    for task, submissions in by_task.items():
+        found = [
+            (submission.name, [_mean_score(submission, *place) for place in _ANALYSED_PLACES])
+            for submission in submissions
+        ]
+        for name, (rollout, *others) in sorted(found, key=lambda item: _error(item[1][1])):
+            cells = [share(s.value) if s and s.value is not None else "–" for s in others]
+            rows.append((task, name, _shown(rollout), *map(str, cells)))
+    return table(header, rows)
+
+
+_ANALYSED_PLACES = (
+    (RANKED_PROTOCOL, SPLIT, METRIC),
+    *((f"{EMBEDDED}-{solver}", ALL, "reaction_error") for solver in SOLVERS),
+    *((f"{EMBEDDED}-{solver}", ALL, "reached_share") for solver in SOLVERS),
+)
+"""Protocol, split and metric of the columns of `analyses_table`."""
+
+
+def _mean_score(submission: Submission, protocol: str, split: str, metric: str) -> Score | None:
+    place = (protocol, split, ALL, metric)
+    for score in submission.scores:
+        if (score.protocol, score.split, score.group, score.metric) == place:
+            return score
+    return None
+
+
+def _error(score: Score | None) -> float:
+    return math.inf if score is None or score.value is None else score.value
+
+
+def _shown(score: Score | None) -> str:
+    if score is None or score.value is None:
+        return "–"
+    return str(number(score.value))
+
+
+def scores_page() -> str:
+    """docs/scores.md as it should read: the scores on the newest version of each dataset."""
+    page = PAGE.read_text(encoding="utf-8")
+    if rows := newest(TASK):
+        scatters = replicate_scatters(row.dataset for row in rows)
+        scatter = scatters.get((TASK, rows[0].dataset.version))
+        floor = scatter.floor_mse if scatter else None
+        page = with_part(page, "scores", scores_table(rows, floor))
+    by_task = {task: newest(task) for task in RANDOM_PATH_TASKS}
+    page = with_part(page, "random-path-scores", rollout_table(by_task))
+    analysed = {task: newest(task) for task in ANALYSED_TASKS}
+    return with_part(page, "analyses-scores", analyses_table(analysed))
+
+
+def newest(task: str) -> list[Submission]:
+    """The accepted submissions on the newest version of a task's dataset."""
+    found = [row.submission for row in accepted(default_folder()) if row.submission.task == task]
+    versions = {row.dataset.version for row in found}
+    last = max(versions, key=lambda v: tuple(map(int, v.split("."))), default="")
+    return [row for row in found if row.dataset.version == last]
+
+
+if __name__ == "__main__":
+    PAGE.write_text(scores_page(), encoding="utf-8")
