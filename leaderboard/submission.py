@@ -176,6 +176,9 @@ class Submission(About):
     schema_version: Literal["1.0", "1.1", "1.2"] = "1.2"
     metric_version: Word
     task: Line
+    task_version: Annotated[str, StringConstraints(pattern=r"^\d+\.\d+\.\d+$")] | None = Field(
+        default=None, description="version of the task; null: 1.0.0"
+    )
     dataset: DatasetReference
     seeds: tuple[Seed, ...] = Field(min_length=1, max_length=MOST_SEEDS)
     deterministic: bool | None = Field(

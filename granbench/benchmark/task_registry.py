@@ -8,7 +8,6 @@ point of the group `granbench.tasks`, whose value is a package with YAML files i
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from difflib import get_close_matches
 from importlib.metadata import entry_points
 from importlib.resources import files
@@ -23,7 +22,7 @@ from granbench.benchmark.task import Task, complaint
 from granbench.data.registry import REGISTRY_FOLDER, RegistryEntry, entries
 from granbench.data.store import REGISTERED_NAME, dataset_file
 from granbench.data.verification import task_file
-from granbench.errors import DatasetError, RegistryError
+from granbench.errors import DatasetError, GranbenchError, RegistryError
 from granbench.records import open_records
 
 TASK_FOLDER = REGISTRY_FOLDER / "tasks"
@@ -134,9 +133,10 @@ def read_task(path: Path) -> Task:
     return task
 
 
-@contextmanager
-def open_task_records(task: Task) -> Iterator[xr.Dataset]:
-    """The whole dataset of a task, verified; fetched or made where it is not on this machine.
+def task_records(task: Task) -> xr.Dataset:
+    """The whole dataset of a task, opened lazily; fetched or made if it is not on this machine.
+
+    `Task.view` gives the splits of the task.
 
     Raises
     ------
@@ -146,9 +146,13 @@ def open_task_records(task: Task) -> Iterator[xr.Dataset]:
     file = task.dataset.file
     name = f"{task.dataset.name}@{task.dataset.version}"
     path = dataset_file(name) if file is None else task_file(file)
-    with open_records(path) as records:
+    records = open_records(path)
+    try:
         task.view(records)  # refuses other records than the task names
-        yield records
+    except GranbenchError:
+        records.close()
+        raise
+    return records
 
 
 def _parsed(path: Path) -> Task:
