@@ -199,6 +199,14 @@ class Submission(About):
     curves: tuple[Curve, ...] = Field(default=(), max_length=MOST_SCORES)
     acceptance: Acceptance | None = None
 
+    @property
+    def board(self) -> tuple[str, str]:
+        """Name and version of the board page that shows it: of its task and its dataset."""
+        version = self.dataset.version
+        return self.task, version if self.task_version is None else (
+            f"{version}+task.{self.task_version}"
+        )
+
     @model_validator(mode="after")
     def _has_evidence(self) -> "Submission":
         if (self.predictions is None) == (self.model is None):

@@ -7,7 +7,7 @@ several tasks. `granbench.benchmark.task_registry.find_task` finds a task by its
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any
 
 import numpy as np
@@ -15,10 +15,10 @@ import xarray as xr
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 from granbench.benchmark.predictions import evaluated
-from granbench.benchmark.protocols import AXES, EMBEDDED
+from granbench.benchmark.protocols import AXES, EMBEDDED, chosen_axes
 from granbench.data.normalisation import Normalisation
 from granbench.data.splits import split_names
-from granbench.errors import DatasetError
+from granbench.errors import ConfigurationError, DatasetError
 from granbench.fem.statement import EmbeddedAnalysis
 from granbench.records.schema import GROUND_TRUTH, INTERNALS
 
@@ -219,6 +219,21 @@ class Task(_Part):
             return cls.model_validate(fields)
         except ValueError as error:
             raise DatasetError(f"{file or name}: {complaint(error)}") from error
+
+    def chosen_axes(self, names: Iterable[str]) -> tuple[str, ...]:
+        """The named axes, in the order of the benchmark.
+
+        Raises
+        ------
+        ConfigurationError
+            If the task does not have one of them; the text lists those it has.
+        """
+        chosen = chosen_axes(names)
+        if missing := [name for name in chosen if name not in self.axes]:
+            raise ConfigurationError(
+                f"task {self.id} has no axis {missing[0]!r}; it has {', '.join(self.axes)}"
+            )
+        return chosen
 
     def view(self, records: xr.Dataset) -> xr.Dataset:
         """The records as the task uses them.

@@ -8,6 +8,7 @@ point of the group `granbench.tasks`, whose value is a package with YAML files i
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from importlib.metadata import entry_points
 from importlib.resources import files
@@ -20,7 +21,7 @@ from pydantic import ValidationError
 
 from granbench.benchmark.task import Task, complaint
 from granbench.data.registry import REGISTRY_FOLDER, RegistryEntry, entries
-from granbench.data.store import REGISTERED_NAME, dataset_file
+from granbench.data.store import REGISTERED_NAME, dataset_file, local_file
 from granbench.data.verification import task_file
 from granbench.errors import DatasetError, GranbenchError, RegistryError
 from granbench.records import open_records
@@ -153,6 +154,17 @@ def task_records(task: Task) -> xr.Dataset:
         records.close()
         raise
     return records
+
+
+@contextmanager
+def records_at_hand(task: Task) -> Iterator[xr.Dataset | None]:
+    """The whole dataset of a task if it is on this machine, else None; nothing is fetched."""
+    entry = _entry(task)
+    if task.dataset.file is None and (entry is None or local_file(entry) is None):
+        yield None
+        return
+    with task_records(task) as records:
+        yield records
 
 
 def _parsed(path: Path) -> Task:
