@@ -58,14 +58,20 @@ def rerun(
         return predict(
             candidate.cells,
             evaluated(records).load(),
-            run_axes(submission),
+            run_axes(submission, task),
             task=task,
             training_seconds=candidate.training_seconds,
             progress=progress,
         )
 
 
-def run_axes(submission: Submission) -> tuple[str, ...]:
-    """The axes that a submission was evaluated on."""
+def run_axes(submission: Submission, task: Task | None = None) -> tuple[str, ...]:
+    """The axes that a submission was evaluated on.
+
+    Parameters
+    ----------
+    submission : with scores
+    task : its task, for the axes that there are; None for all of the benchmark
+    """
     left_out = {score.axis for score in submission.scores if score.status == "not_run"}
-    return tuple(axis for axis in AXES if axis not in left_out)
+    return tuple(axis for axis in (task.axes if task else AXES) if axis not in left_out)

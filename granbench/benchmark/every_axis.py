@@ -10,7 +10,7 @@ from granbench.benchmark.axes.cost.scores import cost_scores
 from granbench.benchmark.axes.embedded.scores import embedded_scores
 from granbench.benchmark.axes.physics.scores import physics_scores, physics_statistics
 from granbench.benchmark.metrics import METRIC_VERSION
-from granbench.benchmark.protocols import EMBEDDED
+from granbench.benchmark.protocols import EMBEDDED, PROTOCOLS
 from granbench.benchmark.reduction import split_order
 from granbench.benchmark.scorecard import ALL, Scales, Score, Scorecard, rounded
 from granbench.benchmark.statistics import align, path_statistics
@@ -64,7 +64,14 @@ def score(
             _on_axes(score, task)
             for score in _scores(predictions, truth, statistics, normalisation, of_analyses, reads)
         ),
-        curves=(*curves(statistics), *curves_of_analyses),
+        curves=(
+            *(
+                curve
+                for curve in curves(statistics)
+                if task is None or PROTOCOLS[curve.protocol].axis in task.axes
+            ),
+            *curves_of_analyses,
+        ),
     )
 
 
@@ -93,10 +100,11 @@ def _scores(
 
 def _on_axes(score: Score, task: Task | None) -> Score:
     """The score, which does not apply if the task leaves its axis out."""
-    if task is None or score.status != "not_run" or score.axis in task.axes:
+    if task is None or score.axis in task.axes or score.status == "not_applicable":
         return score
+    place = score.model_dump(include={"axis", "protocol", "split", "group", "metric", "unit", "n"})
     reason = f"this task does not have the axis {score.axis}"
-    return score.model_copy(update={"status": "not_applicable", "reason": reason})
+    return Score(**place, status="not_applicable", reason=reason)
 
 
 def _no_noised_truth(predictions: xr.Dataset, reads: bool) -> str | None:

@@ -49,11 +49,14 @@ def add(
     from granbench.leaderboard.submission import read_submission
 
     folder = board or default_folder()
-    with rerun_bar(file, quiet or as_json) as progress, records_to_score(dataset) as records:
+    chosen = task_to_score(task)
+    with (
+        records_to_score(dataset) as records,
+        rerun_bar(file, records, chosen, quiet or as_json) as progress,
+    ):
         target = accept(
-            file, folder, records, task=task_to_score(task), replace=replace, word=word,
-            progress=progress,
-        )  # fmt: skip
+            file, folder, records, task=chosen, replace=replace, word=word, progress=progress
+        )
     badge = read_submission(target).badge
     if as_json:
         print_json({"accepted": str(target), "badge": badge})

@@ -63,10 +63,12 @@ def validate(
     from granbench.leaderboard.admission import examine
 
     folder = board_or_default(board)
-    with rerun_bar(file, quiet or as_json) as progress, records_to_score(dataset) as records:
-        examination = examine(
-            file, folder, records, task=task_to_score(task), progress=progress
-        )  # fmt: skip
+    chosen = task_to_score(task)
+    with (
+        records_to_score(dataset) as records,
+        rerun_bar(file, records, chosen, quiet or as_json) as progress,
+    ):
+        examination = examine(file, folder, records, task=chosen, progress=progress)
     for objection in examination.objections:
         if objection.flagged:
             raise SubmissionError(f"{file}: {objection.text}")
@@ -162,18 +164,22 @@ def task_to_score(task: str | None) -> "Task | None":
 
 
 @contextmanager
-def rerun_bar(file: Path, hidden: bool) -> Iterator["Callable[[int, str], None] | None"]:
-    """Progress of a model that is run again; nothing where the scores come from predictions."""
+def rerun_bar(
+    file: Path, records: "xr.Dataset | None", task: "Task | None", hidden: bool
+) -> Iterator["Callable[[int, str], None] | None"]:
+    """Progress of a model that is run again; None if the scores come from predictions."""
     from granbench.benchmark.evaluation import progress_parts
     from granbench.cli.evaluation_progress import evaluation_bar
     from granbench.leaderboard.rerunning import run_axes
     from granbench.leaderboard.submission import read_submission
+    from granbench.leaderboard.submitted_task import task_of
 
     submission = read_submission(file)
     if submission.model is None:
         yield None
         return
-    runs = len(submission.seeds) * progress_parts(run_axes(submission))
+    axes = run_axes(submission, task or task_of(submission, file, records))
+    runs = len(submission.seeds) * progress_parts(axes)
     with evaluation_bar(runs, submission.name, hidden) as advance:
         yield advance
 
