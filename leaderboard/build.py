@@ -17,6 +17,7 @@ from granbench.benchmark.axes.physics.checks import CHECKS
 from granbench.benchmark.metrics import METRIC_VERSION
 from granbench.benchmark.protocols import EMBEDDED, PROTOCOLS
 from granbench.benchmark.scorecard import ALL
+from granbench.benchmark.task_summary import shortages_of_scores
 from granbench.data.replicates import ReplicateScatter
 from granbench.errors import ConfigurationError, SubmissionError
 from granbench.files.whole_file import cannot_write
@@ -54,7 +55,7 @@ def build(
     rows : the submissions to show
     out : folder of the site; an older site there is replaced
     scatter : scatter between packings by dataset name and version, shown as a reference
-    errors : of single paths by dataset name and version, for ranks; without them the intervals of
+    errors : of single paths by `Submission.board`, for ranks; without them the intervals of
         the rows decide who shares one
 
     Returns
@@ -120,7 +121,7 @@ def _by_board(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
                 f"{row.file}: follows metric version {submission.metric_version}, this board "
                 f"{METRIC_VERSION}; evaluate the model again"
             )
-        board = boards.setdefault((submission.task, submission.dataset.version), [])
+        board = boards.setdefault(submission.board, [])
         if any(slug(other.submission.name) == slug(submission.name) for other in board):
             raise SubmissionError(
                 f"{row.file}: {submission.name!r} is on the board of {submission.task} already; "
@@ -149,8 +150,9 @@ def _render(
     shared = {"granbench_version": __version__, "metric_version": METRIC_VERSION}
     pages = []
     for (task, version), board in boards.items():
-        place = (task, version)
-        page = _page(task, version, board, scatter.get(place), errors.get(place, {}))
+        dataset = board[0].submission.dataset
+        floor = scatter.get((dataset.name, dataset.version))
+        page = _page(task, version, board, floor, errors.get((task, version), {}))
         pages.append(page)
         html = environment.get_template("task.html.j2").render(**shared, page=page)
         (folder / page["file"]).write_text(html, encoding="utf-8")
@@ -219,6 +221,7 @@ def _page(
             score.metric == "void_ratio_mse_mean" and score.value for score in scores
         ),
         "leader": views[0].leader,
+        "notes": shortages_of_scores(scores),
         "lost": {
             submission.name: _lost(submission)
             for submission in submissions

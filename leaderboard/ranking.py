@@ -15,12 +15,12 @@ import numpy as np
 from granbench.benchmark.bootstrap import Resampling, weighted_mean
 from granbench.benchmark.predictions import evaluated, open_predictions
 from granbench.benchmark.scorecard import Score
-from granbench.data.store import load
 from granbench.errors import GranbenchError
 from granbench.leaderboard.admission import MINIMUM_SEEDS
 from granbench.leaderboard.originality import errors_of, is_classical, is_deterministic
 from granbench.leaderboard.rows import Row
 from granbench.leaderboard.submission import Submission
+from granbench.leaderboard.submitted_task import records_of, task_of
 
 PAIRED_METRIC = "stress_mse_mean"
 
@@ -82,9 +82,11 @@ def path_errors(rows: Iterable[Row]) -> dict[str, PathErrors]:
     with_predictions = [row for row in rows if row.submission.predictions is not None]
     if len(with_predictions) < 2:
         return found
-    dataset = with_predictions[0].submission.dataset
+    first = with_predictions[0]
     try:
-        with load(f"{dataset.name}@{dataset.version}") as records:
+        task = task_of(first.submission, first.file)
+        with records_of(task, first.file) as whole:
+            records = task.view(whole)
             scored = evaluated(records)
             order = np.argsort(scored["path_id"].values.astype(str))
             labels = [scored[name].values.astype(str)[order] for name in _LABELS]

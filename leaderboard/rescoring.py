@@ -1,47 +1,57 @@
-"""Score the board again under a new version of the metrics, from what lies there.
+"""Score the board again under a new version of the metrics, from its predictions and models.
 
-``python -m granbench.leaderboard.rescoring`` from the root of the checkout, whenever
-`METRIC_VERSION` was raised. An axis that predictions say nothing of is `not_run` afterwards; a
-model is run again on the axes that it was evaluated on.
+Run ``python -m granbench.leaderboard.rescoring`` from the root of the checkout after a change of
+`METRIC_VERSION`. An axis that the predictions leave out becomes `not_run`; a model is run again on
+the axes that it was evaluated on.
 """
 
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
 
+from granbench.benchmark.axes.physics.checks import checked_paths
+from granbench.benchmark.bootstrap import MINIMUM_SPECIMENS
 from granbench.benchmark.every_axis import score
 from granbench.benchmark.metrics import METRIC_VERSION
 from granbench.benchmark.predictions import evaluated, open_predictions
+from granbench.benchmark.protocols import PHYSICS
+from granbench.benchmark.scorecard import ALL, Curve, Score
+from granbench.benchmark.task import Task
 from granbench.data.normalisation import Normalisation
-from granbench.data.store import load
-from granbench.fem.statement import embedded_analyses
 from granbench.leaderboard.rerunning import rerun
 from granbench.leaderboard.rows import accepted, default_folder
 from granbench.leaderboard.sealing import sealed
 from granbench.leaderboard.submission import Submission, write_submission
+from granbench.leaderboard.submitted_task import records_of, task_of
 
-WITHOUT_ANALYSES = ("1.1",)
-"""Versions whose scores are this version's on tasks that state no boundary-value problem: 1.2 only
-added the embedded axis."""
+SAME_VALUES = ("1.2",)
+"""Versions whose values are those of this one: 1.3 only left out some intervals."""
 
 
-def rescored(submission: Submission, file: Path, records: xr.Dataset) -> Submission:
+def rescored(
+    submission: Submission, file: Path, dataset: xr.Dataset, task: Task | None = None
+) -> Submission:
     """A submission with the scores that this version makes from its predictions or its model.
 
     Parameters
     ----------
     submission : whatever version its scores follow
     file : its JSON file, the others beside it
-    records : the whole dataset of its task
+    dataset : the whole dataset of its task
+    task : the one that it names by default
     """
-    if submission.metric_version in WITHOUT_ANALYSES and not embedded_analyses(records):
-        return submission.model_copy(update={"metric_version": METRIC_VERSION})
+    task = task or task_of(submission, file, dataset)
+    records = task.view(dataset)
+    if submission.metric_version in SAME_VALUES:
+        return without_unsupported_intervals(submission, records)
     if submission.predictions is None:
-        predictions = rerun(submission, records, file)
+        predictions = rerun(submission, records, file, task=task)
     else:
         predictions = open_predictions(file.parent / submission.predictions.file)
-    card = score(predictions, evaluated(records), Normalisation.from_training(records))
+    normalisation = Normalisation.from_training(records)
+    card = score(predictions, evaluated(records), normalisation, task)
     return submission.model_copy(
         update={
             "metric_version": card.metric_version,
@@ -50,6 +60,47 @@ def rescored(submission: Submission, file: Path, records: xr.Dataset) -> Submiss
             "curves": card.curves,
         }
     )
+
+
+def without_unsupported_intervals(submission: Submission, records: xr.Dataset) -> Submission:
+    """The submission without the intervals that fewer than `MINIMUM_SPECIMENS` specimens give.
+
+    This is what scoring again gives, because no other number of version 1.2 changed.
+
+    Parameters
+    ----------
+    submission : with scores of a version in `SAME_VALUES`
+    records : the whole dataset, see `granbench.benchmark.task.Task.view`
+    """
+    tested = evaluated(records)
+    checked = tested.isel(path=checked_paths(tested))
+
+    def kept(item: Score) -> Score:
+        paths = checked if item.axis == PHYSICS else tested
+        if item.low is None or specimens(paths, item.split, item.group) >= MINIMUM_SPECIMENS:
+            return item
+        return item.model_copy(update={"low": None, "high": None})
+
+    def kept_of_curve(item: Curve) -> Curve:
+        if not item.low or specimens(tested, item.split, item.group) >= MINIMUM_SPECIMENS:
+            return item
+        return item.model_copy(update={"low": (), "high": ()})
+
+    return submission.model_copy(
+        update={
+            "metric_version": METRIC_VERSION,
+            "scores": tuple(map(kept, submission.scores)),
+            "curves": tuple(map(kept_of_curve, submission.curves)),
+        }
+    )
+
+
+def specimens(records: xr.Dataset, split: str, group: str = ALL) -> int:
+    """Number of specimens in a split, or in one loading family of it."""
+    inside = records["split"].values.astype(str) == split
+    if group != ALL:
+        inside &= records["loading_family"].values.astype(str) == group
+    return len(np.unique(records["specimen"].values.astype(str)[inside]))
 
 
 def rescore(folder: Path) -> Iterator[Path]:
@@ -61,9 +112,9 @@ def rescore(folder: Path) -> Iterator[Path]:
     """
     for row in accepted(folder):
         if row.submission.metric_version != METRIC_VERSION:
-            dataset = row.submission.dataset
-            with load(f"{dataset.name}@{dataset.version}") as records:
-                found = rescored(row.submission, row.file, records)
+            task = task_of(row.submission, row.file)
+            with records_of(task, row.file) as records:
+                found = rescored(row.submission, row.file, records, task)
             if found.acceptance is not None:
                 found = sealed(found, row.file.parent, found.acceptance.word)
             write_submission(found, row.file)

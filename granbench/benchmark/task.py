@@ -7,7 +7,7 @@ several tasks. `granbench.benchmark.task_registry.find_task` finds a task by its
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any
 
 import numpy as np
@@ -15,10 +15,10 @@ import xarray as xr
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 from granbench.benchmark.predictions import evaluated
-from granbench.benchmark.registry import axes, axis_names
+from granbench.benchmark.registry import axes, axis_names, chosen_axes, plugged_in_axes
 from granbench.data.normalisation import Normalisation
 from granbench.data.splits import split_names
-from granbench.errors import DatasetError
+from granbench.errors import ConfigurationError, DatasetError
 from granbench.fem.statement import EmbeddedAnalysis
 from granbench.records.schema import GROUND_TRUTH, INTERNALS
 
@@ -194,6 +194,7 @@ class Task(_Part):
         """
         name, version = (str(records.attrs.get(key, "")) for key in ("dataset", "version"))
         found = split_names(records)
+        left_out = {*axes_with_analyses(), *plugged_in_axes()}
         fields: dict[str, Any] = {
             "id": name,
             "version": FIRST_VERSION,
@@ -209,7 +210,7 @@ class Task(_Part):
                 "ood": [split for split in found if split.startswith(OOD)],
             },
             "context": context_of(records),
-            "axes": [name for name in axis_names() if name not in axes_with_analyses()],
+            "axes": [name for name in axis_names() if name not in left_out],
             "training_data": [
                 {"dataset": name, "version": version,
                  "splits": [split for split in found if split in (TRAIN, VALIDATION)]},
@@ -221,6 +222,24 @@ class Task(_Part):
             return cls.model_validate(fields)
         except ValueError as error:
             raise DatasetError(f"{file or name}: {complaint(error)}") from error
+
+    def chosen_axes(self, names: Iterable[str]) -> tuple[str, ...]:
+        """The named axes, in the order of the benchmark.
+
+        An axis that another package registers can be named for any task.
+
+        Raises
+        ------
+        ConfigurationError
+            If the task does not have one of them; the text lists those it has.
+        """
+        chosen = chosen_axes(names)
+        allowed = {*self.axes, *plugged_in_axes()}
+        if missing := [name for name in chosen if name not in allowed]:
+            raise ConfigurationError(
+                f"task {self.id} has no axis {missing[0]!r}; it has {', '.join(self.axes)}"
+            )
+        return chosen
 
     def view(self, records: xr.Dataset) -> xr.Dataset:
         """The records as the task uses them.

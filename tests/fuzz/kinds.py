@@ -60,13 +60,11 @@ def _dataset_seeds(folder: Path) -> None:
 def _read_dataset(folder: Path) -> None:
     from granbench.data.summary import listed_paths, summarise_file
     from granbench.data.verification import read_as_trusted, verify_file
-    from granbench.fem.statement import embedded_analyses
     from granbench.models.ground_truth import ground_truth_cell
 
     file = _only_file(folder)
     with open_records(file) as ds:
         ground_truth_cell(ds)
-        embedded_analyses(ds)
         ds.load()
     read_as_trusted(file, listed_paths)
     read_as_trusted(file, summarise_file)

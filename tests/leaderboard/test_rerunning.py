@@ -384,10 +384,20 @@ def test_under_new_metrics_a_model_is_run_again(submission, plane) -> None:
     assert again.curves == before.curves
 
 
-def test_a_version_that_only_added_an_axis_runs_nothing_again(submission, plane) -> None:
-    """1.2 added analyses, which this task does not state; a changed score would be found out."""
-    file = submission("persistence")
-    written = read_submission(file)
-    older = written.model_copy(update={"metric_version": "1.1"})
-    again = rescored(older, file.with_name("nowhere.json"), plane)
-    assert again == written
+def test_a_version_that_only_left_intervals_out_runs_nothing_again(submission, plane) -> None:
+    """1.2 had intervals of two specimens; a rerun would miss the files."""
+    few = plane.assign_coords(specimen=plane["specimen"].copy(data=two_specimens(plane)))
+    written = read_submission(submission("persistence"))
+    older = written.model_copy(update={"metric_version": "1.2"})
+    nowhere = Path("nowhere.json")
+    assert rescored(older, nowhere, plane) == written
+    assert any(score.low is not None for score in written.scores)
+    without = rescored(older, nowhere, few)
+    assert all(score.low is None for score in without.scores)
+    assert not any(curve.low for curve in without.curves)
+    values = [[score.value for score in one.scores] for one in (without, written)]
+    assert values[0] == values[1]
+
+
+def two_specimens(records: xr.Dataset) -> np.ndarray:
+    return np.array([f"s{path % 2}" for path in range(records.sizes["path"])], dtype=object)

@@ -224,8 +224,8 @@ def test_predictions_that_are_not_netcdf_are_refused(submission_file, sealed):
         validate(file, sealed)
 
 
-def test_an_unregistered_dataset_is_refused_in_a_sentence(submission_file):
-    with pytest.raises(SubmissionError, match="unknown dataset 'synthetic'"):
+def test_an_unregistered_task_is_refused(submission_file):
+    with pytest.raises(SubmissionError, match="task: .*'synthetic'"):
         validate(submission_file())
 
 
