@@ -10,7 +10,7 @@ from pathlib import Path
 
 from page_parts import table, with_part
 
-from granbench.benchmark.protocols import EMBEDDED
+from granbench.benchmark.axes.along_paths.protocols import EMBEDDED
 from granbench.benchmark.scorecard import ALL, Score
 from granbench.fem.statement import SOLVERS
 from granbench.leaderboard.board import accepted, default_folder

@@ -12,9 +12,9 @@ from pathlib import Path
 
 from page_parts import table, with_part
 
+from granbench.benchmark.axes.along_paths.protocols import COST
 from granbench.benchmark.axes.embedded.metrics import EMBEDDED_METRICS, SPEED, EmbeddedMetric
 from granbench.benchmark.axes.physics.checks import CHECKS
-from granbench.benchmark.protocols import COST
 from granbench.benchmark.scorecard import ALL
 from granbench.leaderboard.submission import Submission, read_submission
 

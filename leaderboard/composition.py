@@ -8,13 +8,13 @@ from pathlib import Path
 
 import xarray as xr
 
-from granbench.benchmark.every_axis import score
-from granbench.benchmark.metrics import METRIC_VERSION
+from granbench.benchmark.metric import METRIC_VERSION
 from granbench.benchmark.predictions import (
     is_deterministic,
     open_predictions,
     write_predictions,
 )
+from granbench.benchmark.scoring import score
 from granbench.benchmark.task import FIRST_VERSION, Task
 from granbench.cells.find import FoundModel
 from granbench.data.splits import split_hash

@@ -6,7 +6,7 @@ from pathlib import Path
 import xarray as xr
 
 from granbench.benchmark.predictions import evaluated
-from granbench.benchmark.protocols import AXES
+from granbench.benchmark.registry import axis_names
 from granbench.benchmark.task import Task
 from granbench.errors import SubmissionError
 from granbench.leaderboard.model_files import restored
@@ -74,4 +74,4 @@ def run_axes(submission: Submission, task: Task | None = None) -> tuple[str, ...
     task : its task, for the axes that there are; None for all of the benchmark
     """
     left_out = {score.axis for score in submission.scores if score.status == "not_run"}
-    return tuple(axis for axis in (task.axes if task else AXES) if axis not in left_out)
+    return tuple(axis for axis in (task.axes if task else axis_names()) if axis not in left_out)

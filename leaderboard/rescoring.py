@@ -8,16 +8,16 @@ the axes that it was evaluated on.
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
 
-from granbench.benchmark.axes.physics.checks import checked_paths
 from granbench.benchmark.bootstrap import MINIMUM_SPECIMENS
-from granbench.benchmark.every_axis import score
-from granbench.benchmark.metrics import METRIC_VERSION
+from granbench.benchmark.metric import METRIC_VERSION
 from granbench.benchmark.predictions import evaluated, open_predictions
-from granbench.benchmark.protocols import PHYSICS
-from granbench.benchmark.scorecard import ALL, Curve, Score
+from granbench.benchmark.registry import axes
+from granbench.benchmark.scorecard import Curve, Score
+from granbench.benchmark.scored_records import ScoredPredictions, ScoredRecords
+from granbench.benchmark.scoring import score
+from granbench.benchmark.splits import split_order
 from granbench.benchmark.task import Task
 from granbench.data.normalisation import Normalisation
 from granbench.leaderboard.rerunning import rerun
@@ -45,7 +45,7 @@ def rescored(
     task = task or task_of(submission, file, dataset)
     records = task.view(dataset)
     if submission.metric_version in SAME_VALUES:
-        return without_unsupported_intervals(submission, records)
+        return without_unsupported_intervals(submission, records, task)
     if submission.predictions is None:
         predictions = rerun(submission, records, file, task=task)
     else:
@@ -62,7 +62,9 @@ def rescored(
     )
 
 
-def without_unsupported_intervals(submission: Submission, records: xr.Dataset) -> Submission:
+def without_unsupported_intervals(
+    submission: Submission, records: xr.Dataset, task: Task
+) -> Submission:
     """The submission without the intervals that fewer than `MINIMUM_SPECIMENS` specimens give.
 
     This is what scoring again gives, because no other number of version 1.2 changed.
@@ -71,18 +73,17 @@ def without_unsupported_intervals(submission: Submission, records: xr.Dataset) -
     ----------
     submission : with scores of a version in `SAME_VALUES`
     records : the whole dataset, see `granbench.benchmark.task.Task.view`
+    task : of the submission
     """
-    tested = evaluated(records)
-    checked = tested.isel(path=checked_paths(tested))
+    supported = _supported_intervals(records, task)
 
     def kept(item: Score) -> Score:
-        paths = checked if item.axis == PHYSICS else tested
-        if item.low is None or specimens(paths, item.split, item.group) >= MINIMUM_SPECIMENS:
+        if item.low is None or (item.protocol, item.split, item.group) in supported:
             return item
         return item.model_copy(update={"low": None, "high": None})
 
     def kept_of_curve(item: Curve) -> Curve:
-        if not item.low or specimens(tested, item.split, item.group) >= MINIMUM_SPECIMENS:
+        if not item.low or (item.protocol, item.split, item.group) in supported:
             return item
         return item.model_copy(update={"low": (), "high": ()})
 
@@ -95,12 +96,18 @@ def without_unsupported_intervals(submission: Submission, records: xr.Dataset) -
     )
 
 
-def specimens(records: xr.Dataset, split: str, group: str = ALL) -> int:
-    """Number of specimens in a split, or in one loading family of it."""
-    inside = records["split"].values.astype(str) == split
-    if group != ALL:
-        inside &= records["loading_family"].values.astype(str) == group
-    return len(np.unique(records["specimen"].values.astype(str)[inside]))
+def _supported_intervals(records: xr.Dataset, task: Task) -> set[tuple[str, str, str]]:
+    """Protocol, split and group of scores of enough specimens for an interval."""
+    tested = evaluated(records)
+    normalisation = Normalisation.from_training(records)
+    scored = ScoredPredictions(xr.Dataset(), ScoredRecords.of(tested, task), normalisation)
+    return {
+        (part.name, split, group.name)
+        for split in split_order(tested["split"].values.astype(str))
+        for axis in axes()
+        for part, group in axis.places(scored, split)
+        if group.resampling is not None and group.resampling.specimens >= MINIMUM_SPECIMENS
+    }
 
 
 def rescore(folder: Path) -> Iterator[Path]:

@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
 
-from granbench.benchmark.every_axis import score
-from granbench.benchmark.metrics import METRIC_VERSION
+from granbench.benchmark.metric import METRIC_VERSION
 from granbench.benchmark.predictions import evaluated, open_predictions
-from granbench.benchmark.protocols import PROTOCOLS
-from granbench.benchmark.statistics import align
+from granbench.benchmark.registry import axes
+from granbench.benchmark.scored_records import ScoredPredictions
+from granbench.benchmark.scoring import score, scored_predictions
 from granbench.benchmark.task import Task
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
@@ -18,11 +17,6 @@ from granbench.leaderboard.agreement import RERUN, RESCORED, compare
 from granbench.leaderboard.rerunning import Progress, rerun
 from granbench.leaderboard.submission import Submission, file_digest, read_submission
 from granbench.leaderboard.submitted_task import records_of, require_same_task, task_of
-
-TRUTH_TOLERANCE = 1e-3
-"""Largest difference of a recomputed ground truth, in training standard deviations or relative to a
-larger stress: machines round differently, and error control then takes other steps. For the curves
-and stresses of an analysis it is relative to their root mean square."""
 
 
 @dataclass(frozen=True)
@@ -106,8 +100,7 @@ def recompute(
     truth, normalisation = evaluated(records), Normalisation.from_training(records)
     card = score(predictions, truth, normalisation, task)
     if submission.model is None:
-        _check_noised_truth(predictions, truth, normalisation, path)
-        _check_embedded_truth(predictions, truth, task, path)
+        _check_ground_truth(scored_predictions(predictions, truth, normalisation, task), path)
     not_reproduced = compare(submission, card, path, how)
     if card.perfect and submission.role == "model":
         raise SubmissionError(
@@ -180,60 +173,10 @@ def _check_parameters(submission: Submission, predictions: xr.Dataset, path: Pat
         )
 
 
-def _check_noised_truth(
-    predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation, path: Path
-) -> None:
-    """Refuse a stored ground truth that the ground truth does not give (its values are scored)."""
-    if "noised_truth" not in predictions:
-        return
-    from granbench.benchmark.evaluation import noised_truth
-
-    records = align(truth, predictions)
-    for seed in predictions["seed"].values:
-        for name in predictions["noise"].values:
-            stored = predictions["noised_truth"].sel(seed=seed, noise=name).values
-            again = noised_truth(records, PROTOCOLS[name], int(seed))
-            scale = np.maximum(np.abs(again), normalisation.std["stress"])
-            difference = np.abs(stored - again) / scale
-            same = np.isnan(stored) == np.isnan(again)
-            if not same.all() or np.nanmax(difference, initial=0.0) > TRUTH_TOLERANCE:
-                raise SubmissionError(
-                    f"{path}: the predictions' ground truth for {name}, seed {seed}, is not what "
-                    "the ground truth gives; run `granbench evaluate` again"
-                )
-
-
-def _check_embedded_truth(
-    predictions: xr.Dataset, truth: xr.Dataset, task: Task, path: Path
-) -> None:
-    """Refuse analyses of the ground truth that the ground truth does not give.
-
-    Machines differ in their times, but not by more than `RERUN.clock`.
-    """
-    if "embedded_truth_reaction" not in predictions:
-        return
-    from granbench.benchmark.axes.embedded.predict import embedded_truth
-
-    again = embedded_truth(truth, task.analyses)
-    for name in ("reaction", "volumetric_strain", "acceleration", "stress"):
-        variable = f"embedded_truth_{name}"
-        mine, theirs = again[variable], predictions[variable]
-        same_gaps = (np.isnan(mine) == np.isnan(theirs)).all()
-        over = [dim for dim in mine.dims if dim not in ("solver", "analysis")]
-        size = np.sqrt((mine**2).mean(over))
-        difference = np.sqrt(((mine - theirs) ** 2).mean(over))
-        if not same_gaps or (difference > TRUTH_TOLERANCE * size).any():
-            raise _another_truth(path, variable)
-    for name in ("seconds", "cell_seconds"):
-        variable = f"embedded_truth_{name}"
-        ratio = predictions[variable] / again[variable]
-        off = (ratio > RERUN.clock) | (ratio < 1.0 / RERUN.clock)
-        if off.any() or (np.isnan(again[variable]) != np.isnan(predictions[variable])).any():
-            raise _another_truth(path, variable)
-
-
-def _another_truth(path: Path, variable: str) -> SubmissionError:
-    return SubmissionError(
-        f"{path}: the predictions' {variable} is not what the ground truth gives; run "
-        "`granbench evaluate` again"
-    )
+def _check_ground_truth(scored: ScoredPredictions, path: Path) -> None:
+    """Refuse stored values of the ground truth that it does not give, because they are scored."""
+    for axis in axes():
+        try:
+            axis.check_ground_truth(scored)
+        except SubmissionError as error:
+            raise SubmissionError(f"{path}: {error}") from error

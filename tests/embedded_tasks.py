@@ -10,7 +10,7 @@ import xarray as xr
 from plane_records import plane_records
 from torch import Tensor
 
-from granbench.benchmark.protocols import AXES
+from granbench.benchmark.registry import axis_names
 from granbench.benchmark.task import Task
 from granbench.cells.contract import ModuleCell, StateLayout
 from granbench.fem.statement import EMBEDDED_ANALYSES, SOLVERS, EmbeddedAnalysis, as_attribute
@@ -66,7 +66,7 @@ def task_of(records: xr.Dataset) -> Task:
     alone = Task.of_records(records.assign_attrs(sealed))
     listed = json.loads(records.attrs[EMBEDDED_ANALYSES])
     analyses = tuple(EmbeddedAnalysis.model_validate(fields) for fields in listed)
-    return alone.model_copy(update={"axes": AXES, "analyses": analyses})
+    return alone.model_copy(update={"axes": axis_names(), "analyses": analyses})
 
 
 class Elastic(torch.nn.Module):

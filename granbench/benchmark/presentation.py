@@ -53,11 +53,13 @@ class BoardView:
     models : in the order of the board
     splits : of the records, the test split first
     floor : normalised MSE of stress that scatter between packings alone gives; None: not known
+    floor_note : what it was computed from
     """
 
     models: Sequence[ModelView]
     splits: Sequence[str]
     floor: float | None = None
+    floor_note: str = ""
 
 
 @dataclass(frozen=True)

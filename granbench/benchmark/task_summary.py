@@ -72,9 +72,10 @@ def _sentences(few: Sequence[str], analyses: int) -> list[str]:
     ]
     if 0 < analyses < MINIMUM_ANALYSES:
         which = "one analysis" if analyses == 1 else f"{analyses} analyses"
+        axis = ", ".join(axes_with_analyses())
         found.append(
-            f"the axis {', '.join(axes_with_analyses())} has {which}, fewer than {MINIMUM_ANALYSES}: its means say little "
-            "of other problems"
+            f"the axis {axis} has {which}, fewer than {MINIMUM_ANALYSES}: its means say little of "
+            "other problems"
         )
     return found
 

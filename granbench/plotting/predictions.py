@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from granbench.benchmark.protocols import PROTOCOLS
+from granbench.benchmark.axes.along_paths.protocols import PROTOCOLS
 from granbench.errors import ConfigurationError
 from granbench.plotting.style import TRUTH, figure_grid, house_style, model_styles
 from granbench.records.turning_points import shown_rows
@@ -105,7 +105,7 @@ def prediction_figure(
     records : the truth
     predictions : of each model by name; the first seed is drawn
     paths : names (`path_id`)
-    protocol : label in `granbench.benchmark.protocols.PROTOCOLS`
+    protocol : label in `granbench.benchmark.axes.along_paths.protocols.PROTOCOLS`
 
     Raises
     ------

@@ -11,8 +11,8 @@ from small_cells import Persistence
 from granbench.baselines.oracle import OracleCell
 from granbench.benchmark.axes.physics.checks import CARRIES_TENSION, CHECKS, NO_TANGENT, PRINCIPAL
 from granbench.benchmark.evaluation import predict
-from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import EMBEDDED_OBSTACLE, PHYSICS_OBSTACLES, evaluated
+from granbench.benchmark.scoring import score
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
 

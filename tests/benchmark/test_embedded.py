@@ -21,9 +21,9 @@ from embedded_tasks import (
 from granbench.benchmark.axes.embedded import predict as module
 from granbench.benchmark.axes.embedded.metrics import EMBEDDED_METRICS
 from granbench.benchmark.evaluation import predict
-from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import EMBEDDED_FAILURES, EMBEDDED_OBSTACLE, evaluated
 from granbench.benchmark.scorecard import Scorecard
+from granbench.benchmark.scoring import score
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.cells.find import find_cells
 from granbench.data.normalisation import Normalisation

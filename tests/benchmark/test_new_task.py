@@ -10,8 +10,9 @@ import pytest
 import xarray as xr
 import yaml
 
+from granbench.benchmark.axes.embedded.metrics import NAME as EMBEDDED
 from granbench.benchmark.axes.embedded.posed import posed
-from granbench.benchmark.protocols import AXES, EMBEDDED
+from granbench.benchmark.registry import axis_names
 from granbench.benchmark.task import Task, context_of
 from granbench.benchmark.task_registry import (
     TASK_FOLDER,
@@ -262,7 +263,7 @@ def test_the_splits_of_a_task_partition_its_file(task: Task, records: xr.Dataset
 def test_axes_are_registered_and_the_context_is_what_records_give(
     task: Task, records: xr.Dataset
 ) -> None:
-    assert [axis for axis in AXES if axis in task.axes] == list(task.axes)
+    assert [axis for axis in axis_names() if axis in task.axes] == list(task.axes)
     assert task.context == context_of(records)
 
 

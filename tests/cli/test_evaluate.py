@@ -10,9 +10,9 @@ import yaml
 from embedded_tasks import embedding_records, task_of
 from plane_records import plane_records
 
+from granbench.benchmark.axes.along_paths.protocols import NOISE_PROTOCOLS
 from granbench.benchmark.axes.physics.checks import CHECKS
 from granbench.benchmark.predictions import open_predictions
-from granbench.benchmark.protocols import NOISE_PROTOCOLS
 from granbench.cli import main
 from granbench.leaderboard.submission import read_submission
 from granbench.models import find_model

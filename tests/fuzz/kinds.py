@@ -90,9 +90,9 @@ def _submission_seeds(folder: Path) -> None:
 
 
 def _known(wanted: tuple[str, ...]) -> tuple[str, ...]:
-    from granbench.benchmark.protocols import AXES
+    from granbench.benchmark.registry import axis_names
 
-    return tuple(axis for axis in AXES if axis in wanted) or AXES
+    return tuple(axis for axis in axis_names() if axis in wanted) or axis_names()
 
 
 def _model_submission(records: Path, out: Path) -> None:
@@ -101,13 +101,13 @@ def _model_submission(records: Path, out: Path) -> None:
 
     from granbench.benchmark.evaluation import predict
     from granbench.benchmark.predictions import evaluated
-    from granbench.benchmark.protocols import AXES
+    from granbench.benchmark.registry import axis_names
     from granbench.cells.find import find_cells
     from granbench.leaderboard.composition import compose
 
     with open_records(records) as sealed:
         candidate = find_cells("j2", sealed.load(), seeds=(0,))
-        predictions = predict(candidate.cells, evaluated(sealed), AXES[:1])
+        predictions = predict(candidate.cells, evaluated(sealed), axis_names()[:1])
         compose(predictions, sealed, about("j2"), out)
 
 

@@ -9,7 +9,7 @@ from small_cells import Persistence, secant
 from small_submissions import register_task
 
 from granbench.benchmark.axes.physics.checks import CHECKS
-from granbench.benchmark.metrics import METRIC_VERSION
+from granbench.benchmark.metric import METRIC_VERSION
 from granbench.data.replicates import replicate_scatter
 from granbench.errors import ConfigurationError, SubmissionError
 from granbench.leaderboard.board import Row, accept, accepted, default_folder, slug

@@ -12,9 +12,9 @@ from embedded_tasks import Elastic, cell, embedding_records, task_of
 from small_submissions import about, submitted
 
 from granbench.benchmark.evaluation import predict
-from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import evaluated, open_predictions, write_predictions
 from granbench.benchmark.scorecard import Score, Scorecard
+from granbench.benchmark.scoring import score
 from granbench.cells.find import find_cells
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError

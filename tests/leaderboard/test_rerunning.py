@@ -17,7 +17,7 @@ from granbench.baselines.training.model_files import ModelDescription, write_mod
 from granbench.benchmark.axes.physics.checks import CHECKS
 from granbench.benchmark.evaluation import predict
 from granbench.benchmark.predictions import evaluated
-from granbench.benchmark.protocols import AXES
+from granbench.benchmark.registry import axis_names
 from granbench.benchmark.scorecard import Score
 from granbench.cells.find import FoundModel, find_cells
 from granbench.errors import SubmissionError
@@ -58,7 +58,7 @@ def plane(tmp_path_factory) -> xr.Dataset:
         return written.load()
 
 
-def kept(model: str, records: xr.Dataset, out: Path, axes=AXES, **given) -> Path:
+def kept(model: str, records: xr.Dataset, out: Path, axes=None, **given) -> Path:
     """A submission with its model, as `granbench evaluate --keep model` writes it."""
     candidate = find_cells(model, records, **given)
     predictions = predict(
@@ -365,7 +365,7 @@ def test_the_page_shows_that_a_model_was_run_again(submission, plane, tmp_path) 
 def test_a_page_shows_both_kinds_of_evidence(submission, plane, tmp_path) -> None:
     cell = find_cells("j2", plane).cell
     out = tmp_path / "told.json"
-    predictions = predict(dict.fromkeys(SEEDS, cell), evaluated(plane), AXES)
+    predictions = predict(dict.fromkeys(SEEDS, cell), evaluated(plane), axis_names())
     compose(predictions, plane, about("told"), out)
     rows = [Row(read_submission(file), file) for file in (out, submission("persistence"))]
     build(rows, tmp_path / "site")

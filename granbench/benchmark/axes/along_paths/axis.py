@@ -4,9 +4,9 @@ They differ in how much of the truth a model is given (`protocols`), and share t
 the predictions file and their metrics.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import xarray as xr
@@ -52,8 +52,8 @@ class AlongPaths(Axis):
     against_records = True
     tells_models_apart = True
     headline = Highlight(ROLLOUT, "test", HEADLINE, "rollout, test paths")
-    labels = {"noise": NOISE_PROTOCOLS}
-    layout = {
+    labels: ClassVar[Mapping[str, Sequence[str]]] = {"noise": NOISE_PROTOCOLS}
+    layout: ClassVar[Mapping[str, Stored]] = {
         "stress": Stored(
             ("seed", "protocol", "path", "step", "component"),
             "Pa",

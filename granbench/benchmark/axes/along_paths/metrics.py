@@ -7,7 +7,7 @@ import numpy as np
 
 from granbench.benchmark.axes.along_paths.path_errors import PathErrors
 from granbench.benchmark.axes.along_paths.protocols import NOISE
-from granbench.benchmark.metric import MEAN, MEDIAN, WORST, Metric, Statistic
+from granbench.benchmark.metric import MEDIAN, WORST, Metric, Statistic
 from granbench.benchmark.tolerance import SHARE_OF_PATHS, SHARE_OF_STEPS, STEP
 
 NAME = "along-paths"
@@ -31,7 +31,9 @@ DIVERGED = Statistic(
     "diverged", lambda errors: np.isfinite(errors.divergence_step).astype(np.float64)
 )
 FAILED = Statistic("failed", lambda errors: errors.failed.astype(np.float64))
-RECOMPUTED = Statistic("recomputed_squared_error", lambda errors: errors.against_noised_truth.squared)
+RECOMPUTED = Statistic(
+    "recomputed_squared_error", lambda errors: errors.against_noised_truth.squared
+)
 RECOMPUTED_RELATIVE = Statistic(
     "recomputed_relative_error", lambda errors: errors.against_noised_truth.relative
 )

@@ -83,6 +83,11 @@ class PathErrors:
             no_noised_truth=lambda: no_noised_truth(scored),
         )
 
+    @property
+    def truths(self) -> list[np.ndarray]:
+        """What predictions are compared with: the records, and the truth along noised strain."""
+        return [self.true] if self.noised_truth is None else [self.true, self.noised_truth]
+
     @cached_property
     def broken(self) -> np.ndarray:
         """Where there is no finite stress, (seed, path, step)."""

@@ -102,9 +102,10 @@ def board_sections(axis: Axis, board: BoardView) -> Iterator[Section]:
         ),
         "Click a heading to sort. Small print: 95 % bootstrap interval over specimens; hover for "
         "the seeds. Bold: the best model. The number before a model is its rank on whole paths; an "
-        "equals sign marks models that share it, for the scored paths cannot tell them apart (the "
-        "95 % interval of their difference, path by path, holds zero, or their intervals overlap). "
-        "Grey rows frame the table, or have fewer than three seeds, and are not ranked.",
+        "equals sign marks models that share it, because the scored paths do not separate them "
+        "(the 95 % interval of their difference, path by path, contains zero, or their intervals "
+        "overlap). Grey rows are shown for comparison, or have fewer than three seeds, and are not "
+        "ranked.",
     )  # fmt: skip
     yield Section(
         "Error against horizon",
@@ -112,8 +113,9 @@ def board_sections(axis: Axis, board: BoardView) -> Iterator[Section]:
             Block(split=split, charts=tuple(_charts(axis, board, split))) for split in board.splits
         ),
         "Mean over paths and seeds, band: 95 % interval."
-        + ("" if board.floor is None else " Dashed: scatter between packings made alike. A model "
-           "of whole paths cannot honestly score below it."),
+        + ("" if board.floor is None else " Dashed: scatter between packings made alike "
+           f"({board.floor_note}). A model that predicts whole paths cannot score below it "
+           "without having seen them."),
     )  # fmt: skip
     families = tuple(_family_blocks(axis, board, found))
     if families:
@@ -181,8 +183,7 @@ def _family_blocks(
                 tuple(groups),
                 {
                     name: tuple(
-                        _cell(scores.get((ROLLOUT, group, metric.name)), metric)
-                        for group in groups
+                        _cell(scores.get((ROLLOUT, group, metric.name)), metric) for group in groups
                     )
                     for name, scores in found[split].items()
                 },
@@ -260,7 +261,7 @@ def glossary(axis: Axis, board: BoardView) -> Iterator[tuple[str, str]]:
     yield "Diverged", "from some step on, every step is an error point"
     yield (
         "Broken down",
-        "the model returned no number; such steps count as ten standard deviations and the path "
-        "stays in every mean",
+        "the model returned no number; such steps count as ten standard deviations, and the "
+        "path counts in every mean",
     )
     yield from plugged_in_definitions(axis)

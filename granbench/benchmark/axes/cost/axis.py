@@ -1,7 +1,7 @@
 """The cost axis: parameters, time of training, and time for each stress update."""
 
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import xarray as xr
@@ -48,7 +48,7 @@ class Cost(Axis):
     since = "1.1"
     parts = (Part(name=NAME, axis=NAME, title="Cost"),)
     own_metrics = METRICS
-    layout = {
+    layout: ClassVar[Mapping[str, Stored]] = {
         PARAMETERS: Stored(("seed",), "1", "trained or fitted parameters", exact=True),
         TRAINING: Stored(("seed",), "s", "time of training; NaN: not known"),
         UPDATE: Stored(("seed", "points"), "s", "CPU time of one update of one point"),

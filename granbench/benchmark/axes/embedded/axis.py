@@ -1,9 +1,9 @@
 """The embedded axis: a model in place of the ground truth, in boundary-value problems."""
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import xarray as xr
@@ -82,14 +82,14 @@ class Embedded(Axis):
     own_metrics = METRICS
     tells_models_apart = True
     needs_analyses = True
-    labels = {"solver": SOLVERS}
+    labels: ClassVar[Mapping[str, Sequence[str]]] = {"solver": SOLVERS}
     json_attributes = (EMBEDDED_FAILURES,)
     highlights = (
         *(Highlight(part.name, ALL, REACTION, f"reaction, {part.solver}") for part in PARTS),
         *(Highlight(part.name, ALL, REACHED, f"steps before failure, {part.solver}")
           for part in PARTS),
     )  # fmt: skip
-    layout = {
+    layout: ClassVar[Mapping[str, Stored]] = {
         "embedded_reaction": Stored(("seed", *_CURVE), "N/m", "reaction of an analysis"),
         "embedded_volumetric_strain": Stored(
             ("seed", *_CURVE), "1", "its global volumetric strain"
@@ -111,9 +111,7 @@ class Embedded(Axis):
             _POINTS, "Pa", "stress at some Gauss points with the ground truth"
         ),
         "embedded_truth_seconds": Stored(_ANALYSES, "s", "CPU time with the ground truth"),
-        "embedded_truth_cell_seconds": Stored(
-            _ANALYSES, "s", "CPU time in the ground truth alone"
-        ),
+        "embedded_truth_cell_seconds": Stored(_ANALYSES, "s", "CPU time in the ground truth alone"),
     }
 
     def obstacle(self, task: ScoredRecords, reads_records: bool = False) -> str | None:
@@ -284,7 +282,9 @@ class Embedded(Axis):
 
     def glossary(self, board: BoardView) -> Iterator[tuple[str, str]]:
         """See `Axis.glossary`: the metrics, where there are analyses."""
-        if any(score.axis == NAME and score.split == ALL for m in board.models for score in m.scores):
+        if any(
+            score.axis == NAME and score.split == ALL for m in board.models for score in m.scores
+        ):
             for metric in self.metrics():
                 yield metric.title, metric.definition
 

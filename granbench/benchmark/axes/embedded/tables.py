@@ -73,8 +73,8 @@ def board_sections(axis: Axis, board: BoardView) -> Iterator[Section]:
         "In place of the ground truth",
         tuple(blocks),
         "The model at the Gauss points of boundary-value problems, against the same analyses with "
-        "the ground truth. Small print: a run that fails, and how far it came; what it did not "
-        "reach counts as ten times the true curve.",
+        "the ground truth. Small print: whether a run failed, and how far it came; steps that it "
+        "did not reach count as ten times the true curve.",
     )
     yield Section(
         "Error points along the analyses",

@@ -1,7 +1,7 @@
 """The physics axis: laws that any material obeys, checked on a model's own answers."""
 
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import xarray as xr
@@ -51,9 +51,9 @@ class Physics(Axis):
     since = "1.1"
     parts = tuple(CHECKS.values())
     own_metrics = METRICS
-    labels = {"check": STRESS_CHECKS}
+    labels: ClassVar[Mapping[str, Sequence[str]]] = {"check": STRESS_CHECKS}
     json_attributes = (PHYSICS_OBSTACLES,)
-    layout = {
+    layout: ClassVar[Mapping[str, Stored]] = {
         STRESS_CHANGE: Stored(
             ("seed", "check", "checked_path", "component"), "Pa", "largest violation of a check"
         ),

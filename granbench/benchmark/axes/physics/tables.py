@@ -30,7 +30,7 @@ from granbench.benchmark.standard_tables import plugged_in_definitions
 
 
 def text_tables(axis: Axis, model: ModelView, split: str) -> Iterator[TextTable | str]:
-    """One row a check: its violation, what is allowed, and the verdict; last, what does not apply."""
+    """One row a check: its violation, what is allowed and the verdict; or what does not apply."""
     if split == ALL:
         yield from _reasons(axis, model)
         return
@@ -109,7 +109,7 @@ def board_sections(axis: Axis, board: BoardView) -> Iterator[Section]:
             "Physics",
             tuple(blocks),
             "Worst checked path; small print: whether all paths pass, or the share that does not. "
-            "What is measured and allowed is said at the end of the page. A model can pass every "
+            "The definitions and tolerances are at the end of the page. A model can pass every "
             "check and be wrong everywhere: these laws hold for any material.",
         )
 
