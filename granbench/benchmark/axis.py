@@ -396,6 +396,13 @@ class Axis(ABC):
 
         return section(self)
 
+    def measured_tables(self, models: Sequence[ModelView]) -> dict[str, str]:
+        """Tables of a few models for the section, in Markdown, by the name of their marker.
+
+        The text stands in the section between ``<!-- NAME:begin -->`` and ``<!-- NAME:end -->``.
+        """
+        return {}
+
 
 def _interval(
     metric: Metric, values: np.ndarray, group: Group

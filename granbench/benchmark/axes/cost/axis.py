@@ -1,6 +1,6 @@
 """The cost axis: parameters, time of training, and time for each stress update."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -33,6 +33,7 @@ from granbench.benchmark.scorecard import ALL
 from granbench.benchmark.scored_records import ScoredPredictions
 from granbench.benchmark.section_file import section_file
 from granbench.benchmark.standard_tables import plugged_in_definitions
+from granbench.data.markdown import table
 from granbench.errors import SubmissionError
 
 if TYPE_CHECKING:
@@ -145,6 +146,23 @@ class Cost(Axis):
     def section(self) -> str:
         """See `Axis.section`."""
         return section_file(self, __file__)
+
+    def measured_tables(self, models: Sequence[ModelView]) -> dict[str, str]:
+        """See `Axis.measured_tables`: updates and their ratio to the ground truth."""
+        header = (
+            "model",
+            "update, 100 points",
+            "update, 10,000 points",
+            "over ground truth, 100",
+            "over ground truth, 10,000",
+        )
+        timed = [metric for metric in METRICS if metric.tolerance.clock is not None]
+        rows = []
+        for model in models:
+            found = found_scores(model, self.names, ALL)
+            cells = (written(found.get((NAME, ALL, m.name)), m.style) for m in timed)
+            rows.append((f"`{model.name}` on `{model.task}`", *cells))
+        return {NAME: table(header, rows)}
 
 
 def _lacks(name: str) -> SubmissionError:

@@ -147,6 +147,12 @@ class Physics(Axis):
         header = ("check", "violation of a path", "allowed", "reason of the tolerance")
         return section_file(self, __file__, checks=table(header, rows))
 
+    def measured_tables(self, models: Sequence[ModelView]) -> dict[str, str]:
+        """See `Axis.measured_tables`."""
+        from granbench.benchmark.axes.physics.tables import measured_table
+
+        return {NAME: measured_table(models)}
+
 
 def _check_paths(predictions: xr.Dataset, records: xr.Dataset) -> None:
     expected = [str(name) for name in records["path_id"].values]

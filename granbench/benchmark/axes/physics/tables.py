@@ -1,6 +1,6 @@
 """Tables of the physics axis: which laws a model violates, and by how much."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from markupsafe import Markup
 
@@ -27,6 +27,7 @@ from granbench.benchmark.presentation import (
 )
 from granbench.benchmark.scorecard import ALL
 from granbench.benchmark.standard_tables import plugged_in_definitions
+from granbench.data.markdown import table
 
 
 def text_tables(axis: Axis, model: ModelView, split: str) -> Iterator[TextTable | str]:
@@ -138,3 +139,22 @@ def glossary(axis: Axis, board: BoardView) -> Iterator[tuple[str, str]]:
     for check in CHECKS.values():
         yield check.title, f"{check.definition}; up to {check.tolerance:g} passes"
     yield from plugged_in_definitions(axis)
+
+
+def measured_table(models: Sequence[ModelView]) -> str:
+    """Worst violation of every check over all scored splits, one column a model, in Markdown."""
+    rows = []
+    for check in CHECKS.values():
+        cells = [f"`{check.name}`"]
+        for model in models:
+            worst = [
+                score.value
+                for score in model.scores
+                if (score.protocol, score.metric) == (check.name, WORST_VIOLATION)
+                and score.value is not None
+            ]
+            shown = f"{max(worst):.1e}" if worst and max(worst) else "0"
+            beyond = worst and max(worst) > check.tolerance
+            cells.append(f"**{shown}**" if beyond else shown if worst else "n/a")
+        rows.append(cells)
+    return table(["check", *(f"`{model.name}` on `{model.task}`" for model in models)], rows)
