@@ -5,16 +5,16 @@ import xarray as xr
 from small_cells import Fragile, Oracle, Persistence, Secant, secant
 
 from granbench.benchmark.axes.along_paths.free_run import noise, rollout, window
+from granbench.benchmark.axes.along_paths.protocols import PROTOCOLS
 from granbench.benchmark.axes.along_paths.single_step import single_step
 from granbench.benchmark.evaluation import predict
-from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import (
     evaluated,
     open_predictions,
     quantise,
     write_predictions,
 )
-from granbench.benchmark.protocols import PROTOCOLS
+from granbench.benchmark.scoring import score
 from granbench.cells.contract import ModuleCell, StateLayout
 from granbench.data.normalisation import Normalisation
 from granbench.errors import ConfigurationError, ModelError

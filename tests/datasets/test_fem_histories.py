@@ -10,13 +10,13 @@ import xarray as xr
 from gp_records import principal_stress, series
 
 from granbench.benchmark.axes.embedded.predict import embedded_truth
+from granbench.benchmark.task_registry import registered_task
 from granbench.data import entry, load, split_hash
 from granbench.data.adapters import conditions_of
 from granbench.data.fetch import checkout_datasets
 from granbench.data.normalisation import Normalisation
 from granbench.data.splits import leak_report, select_split
 from granbench.fem.build import build_problem
-from granbench.fem.statement import embedded_analyses
 from granbench.generators.fem.design import DATASETS, PRESETS
 from granbench.generators.fem.plan import planned_analyses
 from granbench.generators.find import find_generator
@@ -144,9 +144,9 @@ def test_training_strains_are_large_and_the_other_problems_differ_from_them(name
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_embedded_analyses_are_those_of_the_records(name: str) -> None:
+def test_the_embedded_analyses_of_the_task_are_analyses_of_the_records(name: str) -> None:
     records = shipped(name)
-    listed = embedded_analyses(records)
+    listed = registered_task(name).analyses
     assert [analysis.name for analysis in listed] == [
         "biaxial", "biaxial-cyclic", "retaining-wall", "strip-footing",
     ]  # fmt: skip
@@ -164,7 +164,7 @@ def test_the_embedded_analyses_are_those_of_the_records(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_the_ground_truth_finishes_every_embedded_analysis(name: str) -> None:
-    found = embedded_truth(shipped(name))
+    found = embedded_truth(shipped(name), registered_task(name).analyses)
     for variable in ("embedded_truth_reaction", "embedded_truth_stress"):
         assert np.isfinite(found[variable].values).all()
     pushed, slow = (found["embedded_truth_reaction"].sel(solver=solver).max("output")

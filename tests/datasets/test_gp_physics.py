@@ -23,8 +23,8 @@ from gp_records import (
 )
 
 from granbench.benchmark.evaluation import predict
-from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import evaluated
+from granbench.benchmark.scoring import score
 from granbench.cells.find import find_cells
 from granbench.data.adapters import conditions_of
 from granbench.data.normalisation import Normalisation
