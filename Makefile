@@ -1,9 +1,8 @@
-# make setup demo test slow fuzz bench lint docs wheels revalidate revalidate-changed: everything
-# that is done with this checkout.
+# Targets: setup demo test slow fuzz bench lint docs wheels core revalidate revalidate-changed clean.
 # Variables: PYTHON (3.11 or newer), VENV (where it is installed), OUT (where the demo writes),
-# CORE (where `make core` works). OUT and CORE may hold any character but a line break.
-# FUZZ_SECONDS and FUZZ_SEED say how long files are changed at random, and from which seed;
-# PROPERTY_SECONDS how long the property tests are repeated with fresh examples.
+# CORE (where `make core` works). OUT and CORE may contain any character except a line break.
+# FUZZ_SECONDS (how long) and FUZZ_SEED (random seed) of `make fuzz`; PROPERTY_SECONDS (how long the
+# property tests are repeated with new examples).
 
 PYTHON ?= python3
 VENV ?= .venv
@@ -15,8 +14,7 @@ SHELL := /bin/bash
 .PHONY: setup engine browser demo test slow fuzz bench lint docs wheels core clean
 .PHONY: revalidate revalidate-changed
 
-# The shell reads them from its environment and make does not expand them, so that $ and spaces
-# stay what they are.
+# The shell reads them from its environment; make does not expand them, so $ and spaces are kept.
 override OUT := $(value OUT)
 override CORE := $(value CORE)
 export OUT CORE
@@ -24,9 +22,9 @@ export OUT CORE
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 RUFF_FOLDERS := granbench generators baselines leaderboard tests benchmarks docs
-# The networks are small: one thread each is faster than two that wait for one another.
+# The networks are small: one thread is faster than two that wait for each other.
 export OMP_NUM_THREADS ?= 1
-# Scripts that draw must not depend on the backend of the shell, as of a notebook.
+# Scripts that draw must not use the backend set in the shell, as in a notebook.
 export MPLBACKEND := agg
 
 setup: engine $(INSTALLED)
@@ -50,15 +48,15 @@ browser:
 demo: setup
 	@PATH="$(abspath $(BIN)):$$PATH" bash docs/examples/demo.sh "$$OUT"
 
-# Two processes, each with whole files of tests, so that what a file sets up is set up once.
+# Two processes, each with whole test files, so that module fixtures are set up once.
 test: setup browser
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
 slow: setup browser
 	$(BIN)/python -m pytest -m slow
 
-# Files of every kind that is read, changed at random (`make test` does a minute of it), then the
-# property tests with fresh examples instead of the fixed ones, until PROPERTY_SECONDS have passed.
+# Input files of every kind, changed at random (`make test` does this for a minute), then the
+# property tests with new examples instead of the fixed ones, until PROPERTY_SECONDS have passed.
 FUZZ_SECONDS ?= 3600
 FUZZ_SEED ?= 0
 PROPERTY_SECONDS ?= 600
@@ -80,25 +78,26 @@ lint: setup
 	@$(BIN)/python -m zipfile --extract build/wheel/*.whl build/unpacked
 	MYPYPATH=build/unpacked $(BIN)/mypy -p granbench
 
-# Every row of the board is scored or run again, which takes hours; run it again to continue.
+# Scores or runs every row of the board again, which takes hours; run it again to continue.
 revalidate: setup
 	$(BIN)/granbench leaderboard revalidate --state campaigns/revalidated.json
 
-# Only the rows that differ from where the branch left main, or on main from the commit before.
+# Only the rows that differ from where the branch left main or, on main, from the previous commit.
 revalidate-changed: setup
 	$(BIN)/granbench leaderboard revalidate --changed
 
 docs: setup
 	@for file in datasets/*.nc; do $(BIN)/python -m granbench.data.card "$$file" --out docs/datasets; done
-	@$(BIN)/python docs/readme_scores.py
+	@$(BIN)/python docs/scores_page.py
 	@$(BIN)/python docs/random_paths_page.py
 	@$(BIN)/python docs/model_pages.py
 	@$(BIN)/python docs/scoring_page.py
 	@$(BIN)/python docs/fem_page.py
+	@$(BIN)/python docs/first_page_picture.py
 	@$(BIN)/python docs/docs_index.py
 
-# Both wheels into dist: the package, and its reference datasets as `granbench-data`. Each is built
-# from a copy, so that no old build folder leaks into it and none is left in datasets/.
+# Builds both wheels into dist: the package, and its reference datasets as `granbench-data`. Each is
+# built from a copy, so that no old build folder gets into it and none is left in datasets/.
 wheels: setup
 	@rm -rf build/source dist
 	@mkdir -p build/source/data
@@ -110,8 +109,8 @@ wheels: setup
 	        >build/wheels.log 2>&1 || { tail -n 20 build/wheels.log; exit 1; }; done
 	@ls -lh dist
 
-# Generates the core dataset anew: about two hours on two cores. Run it again after an
-# interruption; it continues.
+# Generates the core dataset again: about two hours on two cores. Run it again after an
+# interruption to continue.
 core: setup
 	$(BIN)/granbench generate dem-triaxial --preset core --workers 2 --out "$$CORE"
 

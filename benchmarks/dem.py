@@ -24,10 +24,10 @@ from rich.table import Table
 
 from granbench.generators.campaign import run_campaign
 from granbench.generators.dem.box import GrainBox
-from granbench.generators.dem.design import TriaxialPreset, planned_tests
+from granbench.generators.dem.design import DATASETS, TriaxialPreset
 from granbench.generators.dem.diameters import realise_grading
+from granbench.generators.dem.generator import jobs as triaxial_jobs
 from granbench.generators.dem.gradings import GRADINGS
-from granbench.generators.dem.jobs import campaign_jobs
 from granbench.generators.dem.preparation import PreparedSpecimen, prepare_specimen
 from granbench.generators.dem.triaxial import run_test
 from granbench.paths import ConstantMeanStress
@@ -163,7 +163,7 @@ def scaling(size: Size, folder: Path) -> dict[str, object]:
         monotonic_strain=size.campaign_strain,
         records=60,
     )
-    jobs = campaign_jobs(preset, planned_tests(preset, 0))
+    jobs = triaxial_jobs(DATASETS["dem-triaxial"], preset, 0)
     seconds = {}
     for workers in (1, WORKERS):
         begin = time.perf_counter()

@@ -5,6 +5,7 @@ the page holds what this makes.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 
@@ -16,11 +17,10 @@ from matplotlib.figure import Figure
 from page_parts import table, with_parts, write_picture
 
 from granbench.fem import PROBLEMS, ExplicitSettings, ImplicitSettings, Problem, find_problem, run
-from granbench.fem.drawing import problem_figure
 from granbench.fem.operators import build_operators
-from granbench.fem.problems.problem import CYCLES
 from granbench.models import MODELS
 from granbench.plotting.fem import draw_body
+from granbench.plotting.problem import problem_figure
 from granbench.plotting.style import (
     LINE_STYLES,
     MODEL_COLOURS,
@@ -55,15 +55,10 @@ def problems_part() -> str:
 def choices_part() -> str:
     """What may be chosen in which problem, with its default."""
     meanings = {
-        "cycles": f"turning points: {', '.join(f'`{name}`' for name in CYCLES)}",
-        "confinement": "on free boundaries, Pa, or `random:V_C:SEED` (Eq 4.21)",
-        "end_strain": "driving strain at the end",
-        "speed": "of the drive, m/s",
-        "load_path": "CSV file of the drive, in place of `cycles`, `end_strain` and `speed`",
-        "ends": "platens: rough or smooth",
-        "wall": "smooth or rough",
-        "weight": "whether the soil has weight",
-        "base": "of the footing: rough or smooth",
+        field.name: field.metadata["meaning"]
+        for kind in PROBLEMS.values()
+        for field in fields(kind)
+        if "meaning" in field.metadata  # a subclass that changes a default leaves it out
     }
     owners: dict[str, dict[str, str]] = {}
     for name, kind in PROBLEMS.items():

@@ -5,6 +5,7 @@ components are tensor components (eps_xy, not gamma_xy). Every function takes Nu
 torch tensors or xarray's underlying arrays alike, and returns the same kind.
 """
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -21,17 +22,33 @@ COMPONENT_ORDERS: dict[str, tuple[str, ...]] = {
 SHEAR_COMPONENTS: tuple[str, ...] = ("23", "13", "12")
 """Off-diagonal components in the axes of a `principal` record."""
 
+PLANE_STRAIN_ROWS: tuple[str, ...] = (*COMPONENT_ORDERS["plane"], "zz")
+"""Components of a three-dimensional tensor in plane strain: those of the plane, then zz."""
 
-def component_order(components: tuple[str, ...]) -> str:
+PRINCIPAL_DIRECTIONS: dict[str, dict[str, str]] = {
+    "principal": {"11": "11", "22": "22", "33": "33"},
+    "plane": {"11": "yy", "33": "xx"},
+    "full": {"11": "yy", "22": "zz", "33": "xx"},
+}
+"""Where the directions of a principal loading programme lie in each order: the axial one is y,
+which points up, the minor one is x, and the intermediate one points out of the plane."""
+
+
+def component_order(components: Iterable[object]) -> str:
     """Name of the order whose labels are `components`.
+
+    Parameters
+    ----------
+    components : labels, such as the values of a dataset's coordinate `component`
 
     Raises
     ------
     ConfigurationError
         If no order has these labels.
     """
+    components = tuple(map(str, components))
     for name, labels in COMPONENT_ORDERS.items():
-        if labels == tuple(components):
+        if labels == components:
             return name
     known = "; ".join(f"{name}: {', '.join(labels)}" for name, labels in COMPONENT_ORDERS.items())
     raise ConfigurationError(
@@ -39,13 +56,22 @@ def component_order(components: tuple[str, ...]) -> str:
     )
 
 
-def normal_mask(order: str) -> tuple[float, ...]:
-    """1 for a normal component of the order, 0 for a shear component.
+def is_normal(label: str) -> bool:
+    """Whether a component such as `xx` or `11` is a normal one, not a shear component."""
+    return label[0] == label[-1]
 
-    A shear component stands twice in the tensor: in a double contraction it counts
-    ``2 - mask`` times.
+
+def normal_mask(order: str) -> tuple[float, ...]:
+    """1 for a normal component of the order, 0 for a shear component."""
+    return tuple(float(is_normal(label)) for label in COMPONENT_ORDERS[order])
+
+
+def contraction_weights(order: str) -> tuple[float, ...]:
+    """How often a component of the order stands in the tensor: 1, or 2 for a shear component.
+
+    These are the weights of a double contraction: a : b = sum of weight a b.
     """
-    return tuple(float(label[0] == label[-1]) for label in COMPONENT_ORDERS[order])
+    return tuple(2.0 - normal for normal in normal_mask(order))
 
 
 def _diagonal_and_shear(tensor: Array, order: str) -> tuple[list[Array], list[Array]]:
@@ -175,8 +201,66 @@ def plane_components(
     )
 
 
+def cofactor_rows(rows: Array) -> list[Array]:
+    """Derivative of the determinant of a symmetric tensor with respect to each component.
+
+    Parameters
+    ----------
+    rows : (component, ...), in the `principal` or `full` order or as `PLANE_STRAIN_ROWS`
+
+    Returns
+    -------
+    One (...) for each component; that of a shear component is with respect to one of its two
+    entries
+    """
+    if len(rows) == len(COMPONENT_ORDERS["principal"]):
+        x, y, z = rows
+        return [y * z, z * x, x * y]
+    if len(rows) == len(PLANE_STRAIN_ROWS):
+        x, y, xy, z = rows
+        return [y * z, x * z, -xy * z, x * y - xy * xy]
+    x, y, z, yz, xz, xy = rows
+    return [
+        y * z - yz * yz,
+        x * z - xz * xz,
+        x * y - xy * xy,
+        xz * xy - x * yz,
+        yz * xy - y * xz,
+        yz * xz - z * xy,
+    ]
+
+
+def full_components(plane: Array, out_of_plane: Array) -> np.ndarray:
+    """Components of a tensor in the `full` order from those in the plane and zz.
+
+    Parameters
+    ----------
+    plane : (..., component), in the `plane` order
+    out_of_plane : (...), component zz; yz and xz are zero
+
+    Returns
+    -------
+    (..., 6)
+    """
+    known = dict(zip(COMPONENT_ORDERS["plane"], np.moveaxis(plane, -1, 0), strict=True))
+    known["zz"] = out_of_plane
+    zero = np.zeros_like(out_of_plane)
+    return np.stack([known.get(label, zero) for label in COMPONENT_ORDERS["full"]], axis=-1)
+
+
+def principal_difference(tensor: np.ndarray) -> np.ndarray:
+    """Difference (...) of the principal values in the plane of a tensor (..., component).
+
+    Parameters
+    ----------
+    tensor : in the `plane` order, any unit
+    """
+    xx, yy, xy = np.moveaxis(tensor, -1, 0)
+    return np.asarray(np.hypot(xx - yy, 2.0 * xy))
+
+
 def least_principal(stress: np.ndarray, order: str = "principal") -> np.ndarray:
-    """Least principal stress (...), of a stress (..., component); of those in the plane there.
+    """Least principal stress (...) of a stress (..., component); in the plane, of the two there.
 
     Parameters
     ----------

@@ -8,13 +8,12 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from importlib.metadata import entry_points
 from pathlib import Path
 
 import xarray as xr
 
-from granbench.cells.baseline import DESCRIPTION_FILE, ENTRY_POINTS
-from granbench.cells.candidate import Candidate, find_candidate, registered_candidate
+from granbench.cells.baseline import BASELINES, DESCRIPTION_FILE
+from granbench.cells.find import FoundModel, cells_of_baseline, find_cells
 from granbench.errors import GranbenchError, SubmissionError
 from granbench.leaderboard.submission import ModelFile, ModelReference, file_digest
 from granbench.models import MODELS
@@ -24,10 +23,9 @@ from granbench.models.parameter_file import write_parameters
 PARAMETERS = "parameters.json"
 TRAINED_FILES = (DESCRIPTION_FILE, "model.safetensors", PARAMETERS)
 """What a trained baseline may consist of; its other files are of the training."""
-DISTRIBUTION = "granbench"
 
 
-def require_data_only(candidate: Candidate) -> None:
+def require_data_only(candidate: FoundModel) -> None:
     """Make sure that a model can be run again from data and the code of GranBench.
 
     Raises
@@ -41,12 +39,13 @@ def require_data_only(candidate: Candidate) -> None:
         _classical(candidate)
 
 
-def _classical(candidate: Candidate) -> ClassicalCell:
+def _classical(candidate: FoundModel) -> ClassicalCell:
     """The one classical model of all seeds; SubmissionError if it is anything else."""
     cell = candidate.cell
     one_for_all = all(other is cell for other in candidate.cells.values())
-    # The class itself: one derived from it would be a stranger's code.
-    if isinstance(cell, ClassicalCell) and type(cell) in MODELS.values() and one_for_all:
+    # The registered class itself: a class derived from it, or a plug-in's, is other code.
+    own = MODELS.own(cell.name) and type(cell) is MODELS[cell.name]
+    if isinstance(cell, ClassicalCell) and own and one_for_all:
         return cell
     raise SubmissionError(
         f"{candidate.name} cannot be run again from data alone: it is neither a baseline of "
@@ -54,7 +53,7 @@ def _classical(candidate: Candidate) -> ClassicalCell:
     )
 
 
-def export(candidate: Candidate, folder: Path, name: str) -> ModelReference:
+def export(candidate: FoundModel, folder: Path, name: str) -> ModelReference:
     """Put a model beside a submission.
 
     Parameters
@@ -90,13 +89,11 @@ def export(candidate: Candidate, folder: Path, name: str) -> ModelReference:
 
 
 def _require_own(baseline: str) -> None:
-    for point in entry_points(group=ENTRY_POINTS, name=baseline):
-        if point.dist is not None and point.dist.name.lower() == DISTRIBUTION:
-            return
-    raise SubmissionError(
-        f"{baseline!r} is no baseline of GranBench itself, and no other code is run; keep its "
-        "predictions"
-    )
+    if not BASELINES.own(baseline):
+        raise SubmissionError(
+            f"{baseline!r} is no baseline of GranBench itself, and no other code is run; keep its "
+            "predictions"
+        )
 
 
 def _copied(source: Path, target: Path) -> Path:
@@ -140,7 +137,7 @@ def moved(reference: ModelReference, folder: Path, target: Path, name: str) -> M
 @contextmanager
 def restored(
     reference: ModelReference, submission: Path, seeds: Sequence[int], records: xr.Dataset
-) -> Iterator[Candidate]:
+) -> Iterator[FoundModel]:
     """The model as it was evaluated, from its files.
 
     Parameters
@@ -196,12 +193,12 @@ def _place(file: ModelFile, folder: Path) -> Path:
 
 def _candidate(
     reference: ModelReference, folder: Path, seeds: Sequence[int], records: xr.Dataset
-) -> Candidate:
+) -> FoundModel:
     if reference.baseline is None:
-        return find_candidate(str(_place(reference.files[0], folder)), records, seeds=seeds)
+        return find_cells(str(_place(reference.files[0], folder)), records, seeds=seeds)
     trained = {file.seed: folder / str(file.seed) for file in reference.files}
     _require_seeds(trained, seeds)
-    return registered_candidate(
+    return cells_of_baseline(
         reference.baseline, records, folders=list(trained.values()), seeds=seeds
     )
 

@@ -6,22 +6,19 @@ from pathlib import Path
 
 import xarray as xr
 
-from granbench.generators.classical.dataset import assemble
-from granbench.generators.classical.design import GROUND_TRUTHS, PRESETS, splits
-from granbench.generators.classical.jobs import campaign_job, run_paths
+from granbench.generators.classical.generator import GENERATOR
+from granbench.generators.classical.jobs import run_paths
 from granbench.records import describe
 
 
 @cache
 def _made(dataset: str, seed: int) -> xr.Dataset:
-    truth, preset = GROUND_TRUTHS[dataset], PRESETS["smoke"]
-    plans = splits(truth, preset)
+    (job,) = GENERATOR.planned_jobs(dataset, "smoke", seed)
     with tempfile.TemporaryDirectory() as folder:
-        job = campaign_job(truth, preset, plans, seed)
         run_paths(job.configuration, seed, {}, Path(folder))
-        return describe(assemble(truth, preset, plans, Path(folder), seed))
+        return describe(GENERATOR.records(dataset, "smoke", seed, {job.key: Path(folder)}))
 
 
 def plane_records(dataset: str = "gp-j2", seed: int = 0) -> xr.Dataset:
-    """The smoke preset of a `gp-*` dataset: 24 training paths, 8 of each other kind or 4."""
+    """The smoke preset of a `gp-*` dataset: 24 training paths, 8 or 4 of each other split."""
     return _made(dataset, seed).copy(deep=True)

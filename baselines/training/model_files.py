@@ -11,13 +11,13 @@ from pydantic import ConfigDict, StrictInt, StrictStr, TypeAdapter, ValidationEr
 from torch import Tensor, nn
 
 from granbench.baselines.training.tensor_files import read_tensors, write_tensors
+from granbench.cells.baseline import DESCRIPTION_FILE
 from granbench.errors import ModelError
 from granbench.files.json_reading import read_json_object, shortened
 from granbench.files.validation import first_fault
 from granbench.files.whole_file import whole_file
 
 WEIGHTS_FILE = "model.safetensors"
-DESCRIPTION_FILE = "model.json"
 
 
 @dataclass(frozen=True)

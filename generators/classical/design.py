@@ -1,16 +1,16 @@
-"""Which model makes which `gp-*` dataset, and which strain paths are in which split.
+"""The `gp-*` datasets, their presets, and the strain paths of their splits.
 
-The paths follow from the seed and the name of the split alone: all models are driven along the
-same ones, but for what `granbench.generators.classical.admissible` takes off their volume change.
+The paths depend only on the seed and the name of the split: all models follow the same paths,
+except for the volume change, which `granbench.generators.classical.admissible` reduces.
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from granbench.errors import RegistryError
-from granbench.generators.ground_truth import ModelTruth
+from granbench.generators.model_dataset import ModelDataset
 from granbench.models import find_model
 from granbench.paths.drawn import PathFamily
 from granbench.paths.gaussian import GaussianStrain
@@ -18,7 +18,7 @@ from granbench.paths.proportional import ProportionalStrain
 from granbench.paths.strain_cycles import StrainCycles
 
 CONFINEMENT = 1e5
-"""Pa, initial mean stress of the pressure-dependent models (thesis, chapter 6)."""
+"""Initial mean stress of the pressure-dependent models, Pa (thesis, chapter 6)."""
 
 FAMILIES: Mapping[str, type[PathFamily]] = {
     family.loading_family: family for family in (GaussianStrain, ProportionalStrain, StrainCycles)
@@ -26,7 +26,7 @@ FAMILIES: Mapping[str, type[PathFamily]] = {
 
 THESIS_PATHS = GaussianStrain()
 OUT_OF_DISTRIBUTION: Mapping[str, PathFamily] = {
-    # The correlation length begins at 0.1 in training: these turn two to six times as often.
+    # The correlation length is at least 0.1 in training: these turn two to six times as often.
     "ood-rougher": GaussianStrain(l=(0.04, 0.08)),
     "ood-amplitude": GaussianStrain(v=(0.2, 0.36)),  # twice that of training
     "ood-proportional": ProportionalStrain(),
@@ -35,14 +35,14 @@ OUT_OF_DISTRIBUTION: Mapping[str, PathFamily] = {
 UNSCALED = "ood-unscaled"
 
 
-class GroundTruth(ModelTruth):
-    """The model behind a dataset, and the state that its paths start from.
+class ClassicalDataset(ModelDataset):
+    """A dataset of strain paths through one classical model.
 
     Parameters
     ----------
     thesis_section : where the thesis describes the paths and the model
-    initial_mean_stress : isotropic, Pa
-    unscaled_split : whether a split keeps the strain paths as they were drawn
+    initial_mean_stress : isotropic stress at the start of every path, Pa
+    unscaled_split : whether one more split has strain paths whose volume change is not reduced
     """
 
     thesis_section: str
@@ -50,20 +50,22 @@ class GroundTruth(ModelTruth):
     unscaled_split: bool = False
 
 
-GROUND_TRUTHS: Mapping[str, GroundTruth] = {
-    truth.dataset: truth
-    for truth in (
-        GroundTruth(dataset="gp-j2", model="j2", thesis_section="6.2.3, 6.6.2"),
-        GroundTruth(
+DATASETS: Mapping[str, ClassicalDataset] = {
+    dataset.dataset: dataset
+    for dataset in (
+        ClassicalDataset(dataset="gp-j2", model="j2", thesis_section="6.2.3, 6.6.2"),
+        ClassicalDataset(
             dataset="gp-dp",
             model="drucker-prager",
             thesis_section="6.2.3, 6.6.2",
             initial_mean_stress=CONFINEMENT,
             unscaled_split=True,
         ),
-        GroundTruth(dataset="gp-j2-hardening", model="j2-hardening", thesis_section="6.2.3, 6.6.2"),
-        GroundTruth(dataset="gp-ime", model="ime", thesis_section="6.2.3, 5.2.1"),
-        GroundTruth(
+        ClassicalDataset(
+            dataset="gp-j2-hardening", model="j2-hardening", thesis_section="6.2.3, 6.6.2"
+        ),
+        ClassicalDataset(dataset="gp-ime", model="ime", thesis_section="6.2.3, 5.2.1"),
+        ClassicalDataset(
             dataset="gp-csuh",
             model="csuh",
             thesis_section="6.2.3, 7.4",
@@ -74,17 +76,18 @@ GROUND_TRUTHS: Mapping[str, GroundTruth] = {
 
 
 class ClassicalPreset(BaseModel):
-    """How many paths a `gp-*` dataset has.
+    """The size of a `gp-*` dataset.
 
     Parameters
     ----------
-    version : of the dataset that it makes
-    train, validation, test : paths of these splits
-    ood : paths of each split that is out of distribution
+    name : of the preset
+    version : of the dataset that is made with it
+    train, validation, test : number of paths in these splits
+    ood : number of paths in each split that is out of distribution
     steps : increments of a path
-    scaled : whether the paths of pressure-dependent models are made admissible
+    scaled : whether the volume change of paths is reduced for pressure-dependent models
     tangents : whether the consistent tangent of every step is recorded; it takes more room than
-        everything else
+        everything else together
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -115,9 +118,9 @@ PRESETS: Mapping[str, ClassicalPreset] = {
             tangents=True,
         ),
         CORE,
-        # The same paths: what `core` leaves out so that it can be kept beside the code.
+        # The same paths with their tangents, which would make `core` too large for the repository.
         CORE.model_copy(update={"name": "tangents", "version": "1.0.0+tangents", "tangents": True}),
-        # The thesis has 1000 paths, a fifth of them for validation, all as they were drawn.
+        # The thesis has 1000 paths, a fifth of them for validation, without reduced volume change.
         ClassicalPreset(
             name="paper",
             version="1.0.0+paper",
@@ -138,9 +141,9 @@ class SplitPlan(BaseModel):
     Parameters
     ----------
     name : of the split
-    family : that they are drawn from
-    count : how many
-    admissible : whether their volume change is scaled to what the model can follow
+    family : random family that the paths are drawn from
+    count : number of paths
+    admissible : whether the volume change is reduced so that the model can follow the paths
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -150,37 +153,32 @@ class SplitPlan(BaseModel):
     count: int
     admissible: bool
 
+    def described(self) -> dict[str, Any]:
+        """The plan as JSON values, for the settings of a job and of a dataset."""
+        return {
+            "name": self.name,
+            "loading_family": self.family.loading_family,
+            "family": self.family.model_dump(mode="json"),
+            "count": self.count,
+            "admissible": self.admissible,
+        }
+
 
 def split_seed(split: str, seed: int) -> int:
-    """Seed of a split's random numbers, from its name and the seed of the dataset."""
+    """Seed of the random numbers of a split, from its name and the seed of the dataset."""
     return int(np.random.SeedSequence([seed, *split.encode()]).generate_state(1)[0])
 
 
-def preset(name: str) -> ClassicalPreset:
-    """The preset of that name.
-
-    Raises
-    ------
-    RegistryError
-        If there is none.
-    """
-    if name not in PRESETS:
-        raise RegistryError(
-            f"preset {name!r} of the gp datasets is unknown; use {', '.join(PRESETS)}"
-        )
-    return PRESETS[name]
-
-
-def splits(truth: GroundTruth, preset: ClassicalPreset) -> list[SplitPlan]:
+def splits(dataset: ClassicalDataset, preset: ClassicalPreset) -> list[SplitPlan]:
     """Every split of a dataset that has paths."""
-    scaled = preset.scaled and find_model(truth.model).pressure_dependent
+    scaled = preset.scaled and find_model(dataset.model).pressure_dependent
     counts = {"train": preset.train, "validation": preset.validation, "test": preset.test}
     families = dict.fromkeys(counts, THESIS_PATHS) | dict(OUT_OF_DISTRIBUTION)
     plans = [
         SplitPlan(name=name, family=family, count=counts.get(name, preset.ood), admissible=scaled)
         for name, family in families.items()
     ]
-    if truth.unscaled_split and preset.scaled:
+    if dataset.unscaled_split and preset.scaled:
         plans.append(
             SplitPlan(name=UNSCALED, family=THESIS_PATHS, count=preset.ood, admissible=False)
         )

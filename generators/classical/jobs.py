@@ -1,9 +1,6 @@
-"""The one job of a `gp-*` campaign: draw the paths of every split and run the model on them.
+"""The job of a `gp-*` campaign: draw the paths of every split and run the model along them."""
 
-Starting a process takes longer than a split of a thousand paths, so one job makes them all.
-"""
-
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,66 +9,30 @@ import torch
 from numpy.typing import ArrayLike
 
 from granbench.errors import ModelError
-from granbench.generators.campaign import Job
 from granbench.generators.classical.admissible import admissible_factors, scaled_volume
-from granbench.generators.classical.design import (
-    FAMILIES,
-    ClassicalPreset,
-    GroundTruth,
-    SplitPlan,
-    split_seed,
-)
-from granbench.generators.classical.recorded import recorded
+from granbench.generators.classical.design import FAMILIES, split_seed
 from granbench.generators.classical.response import isotropic_start, response
+from granbench.generators.rounding import recorded
 from granbench.models.classical import ClassicalCell
 from granbench.models.ground_truth import recording_cell
 from granbench.paths.drawn import DrawnPaths, on_strain_grid
 
 RECORD_FILE = "record.npz"
 PARAMETERS_FILE = "parameters.npz"
-PHYSICAL_FAILURES = (ModelError,)
-
-
-def campaign_job(
-    truth: GroundTruth, preset: ClassicalPreset, plans: Sequence[SplitPlan], seed: int
-) -> Job:
-    """The job that makes the paths of every split, in their order.
-
-    Parameters
-    ----------
-    truth : the model and its start
-    preset : how the paths are recorded
-    plans : the splits
-    seed : of the dataset
-    """
-    return Job(
-        key=truth.dataset,
-        function="granbench.generators.classical.jobs:run_paths",
-        configuration={
-            "model": truth.model,
-            "parameters": truth.cell().values(),
-            "initial_mean_stress": truth.initial_mean_stress,
-            "steps": preset.steps,
-            "tangents": preset.tangents,
-            "splits": [
-                {
-                    "name": plan.name,
-                    "loading_family": plan.family.loading_family,
-                    "family": plan.family.model_dump(mode="json"),
-                    "count": plan.count,
-                    "admissible": plan.admissible,
-                }
-                for plan in plans
-            ],
-        },
-        seed=seed,
-    )
+PERMANENT_FAILURES = (ModelError,)
 
 
 def run_paths(
     configuration: Mapping[str, Any], seed: int, inputs: Mapping[str, Path], out: Path
 ) -> None:
-    """Keep what was drawn for all paths, and their records as a dataset has them, in `out`.
+    """Write the records of all paths, rounded, and the parameters that were drawn for them.
+
+    Parameters
+    ----------
+    configuration : of the job, see `granbench.generators.classical.generator.jobs`
+    seed : of the dataset
+    inputs : not used
+    out : folder for the files
 
     Raises
     ------
@@ -98,8 +59,8 @@ def run_paths(
         broken = ~np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
         if broken.any():
             raise ModelError(
-                f"{cell.name} gives no finite {name} on {broken.sum()} of {len(values)} paths, "
-                f"the first is number {int(np.argmax(broken))}; draw smaller strains"
+                f"{cell.name}: {name} is not finite on {broken.sum()} of {len(values)} paths, the "
+                f"first is path {int(np.argmax(broken))}; draw smaller strains"
             )
     # mypy matches the names with savez's own allow_pickle.
     np.savez(out / RECORD_FILE, **record)  # type: ignore[arg-type]
@@ -107,18 +68,17 @@ def run_paths(
 
 
 def drawn_paths(cell: ClassicalCell, configuration: Mapping[str, Any], seed: int) -> DrawnPaths:
-    """The strain paths of every split, on the strain grid and such that the model can follow them.
+    """Draw the strain paths of every split, on the strain grid and admissible for the model.
 
     Parameters
     ----------
     cell : the model
-    configuration : as of `campaign_job`
+    configuration : of the job
     seed : of the dataset
 
     Returns
     -------
-    Paths in the order of the splits; a parameter that does not apply to the family of a path
-    is NaN there
+    Paths in the order of the splits; a parameter that does not apply to a path is NaN
     """
     splits = configuration["splits"]
     parts = [

@@ -1,12 +1,8 @@
-"""The two jobs of a `dem-triaxial` campaign: prepare a specimen, run one test on it.
-
-Both are pure functions of their configuration and seed, run in a process of their own, and
-leave a folder of files (see `granbench.generators.campaign`).
-"""
+"""The two jobs of a `dem-triaxial` campaign: prepare a specimen, and run one test on it."""
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +10,11 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from granbench.errors import EngineError
-from granbench.generators.campaign import Job
-from granbench.generators.dem.design import Programme, TestPlan, TriaxialPreset
 from granbench.generators.dem.diameters import realise_grading
 from granbench.generators.dem.engine import SimulationFailure, last_error
 from granbench.generators.dem.gradings import GRADINGS
 from granbench.generators.dem.material import ContactMaterial
+from granbench.generators.dem.plan import Programme
 from granbench.generators.dem.preparation import PreparedSpecimen, prepare_specimen
 from granbench.generators.dem.recording import TestRecord
 from granbench.generators.dem.triaxial import run_test
@@ -28,56 +23,20 @@ PROGRAMMES = {
     family.loading_family: TypeAdapter(family)
     for family in Programme.__args__  # type: ignore[attr-defined]
 }
+RECORD_FILE = "record.npz"
+FACTS_FILE = "summary.json"
+GRADING_FILE = "grading.json"
 LOG_FILE = "liggghts.log"
 PREPARATION_LOG_FILE = "preparation.log"
-PHYSICAL_FAILURES = (SimulationFailure,)
+PERMANENT_FAILURES = (SimulationFailure,)
 MACHINE_FAILURE = re.compile(r"\b(open|read|write|file|allocate|memory|MPI)\b", re.IGNORECASE)
-"""Words of LIGGGHTS' errors that are about the machine that it runs on."""
-
-
-def campaign_jobs(preset: TriaxialPreset, plans: Sequence[TestPlan]) -> list[Job]:
-    """Every job of a campaign, each specimen's preparation before its first test.
-
-    Parameters
-    ----------
-    preset : what the campaign is made of
-    plans : the tests, in the order in which they should run
-    """
-    jobs: dict[str, Job] = {}
-    for plan in plans:
-        specimen = plan.specimen
-        need = f"specimen/{specimen.name}"
-        if need not in jobs:
-            jobs[need] = Job(
-                key=need,
-                function="granbench.generators.dem.jobs:prepare",
-                configuration={
-                    "grading": specimen.grading,
-                    "particle_count": preset.particle_count,
-                    "preparation_friction": specimen.preparation_friction,
-                    "pressures": list(preset.pressures),
-                    "material": ContactMaterial().model_dump(),
-                },
-                seed=specimen.seed,
-            )
-        jobs[plan.name] = Job(
-            key=plan.name,
-            function="granbench.generators.dem.jobs:shear",
-            configuration={
-                "loading_family": plan.programme.loading_family,
-                "programme": plan.programme.model_dump(mode="json"),
-                "records": preset.records,
-            },
-            seed=specimen.seed,
-            needs=(need,),
-        )
-    return list(jobs.values())
+"""Words in the errors of LIGGGHTS that are caused by the machine it runs on."""
 
 
 def prepare(
     configuration: Mapping[str, Any], seed: int, inputs: Mapping[str, Path], out: Path
 ) -> None:
-    """Prepare one specimen at every pressure and keep its restart files in `out`."""
+    """Prepare one specimen at every pressure, and write its restart files and its grading."""
     material = ContactMaterial.model_validate(configuration["material"])
     grading = realise_grading(
         GRADINGS[configuration["grading"]],
@@ -102,24 +61,24 @@ def prepare(
         "particle_count": len(grading.diameters),
         "time_step": material.time_step(grading.d_min / 2),
     }
-    (out / "grading.json").write_text(json.dumps(facts, indent=1))
+    (out / GRADING_FILE).write_text(json.dumps(facts, indent=1))
     (out / "grains.data").unlink()
 
 
 def shear(
     configuration: Mapping[str, Any], seed: int, inputs: Mapping[str, Path], out: Path
 ) -> None:
-    """Run one test on the prepared specimen and keep its record in `out`."""
+    """Run one test on the prepared specimen, and write its series and its facts."""
     (folder,) = inputs.values()
     specimen = PreparedSpecimen.load(folder)
     programme = PROGRAMMES[configuration["loading_family"]].validate_python(
         configuration["programme"]
     )
     record = run_test(specimen, programme, out / LOG_FILE, records=configuration["records"])
-    (out / LOG_FILE).unlink()  # hundreds of kB of one line a chunk; kept where a test fails
+    (out / LOG_FILE).unlink()  # hundreds of kB; kept if the test fails
     state = specimen.state(programme.pressure)
-    facts = json.loads((folder / "grading.json").read_text())
-    summary = facts | {
+    facts = json.loads((folder / GRADING_FILE).read_text())
+    facts |= {
         "initial_void_ratio": state.void_ratio,
         "box_edge_ratio": specimen.box_edge_ratio,
         "servo_error_rms": record.servo_error_rms,
@@ -128,12 +87,12 @@ def shear(
         "steps": record.steps,
     }
     # mypy matches the names with savez_compressed's own allow_pickle.
-    np.savez_compressed(out / "record.npz", **series(record))  # type: ignore[arg-type]
-    (out / "summary.json").write_text(json.dumps(summary, indent=1))
+    np.savez_compressed(out / RECORD_FILE, **series(record))  # type: ignore[arg-type]
+    (out / FACTS_FILE).write_text(json.dumps(facts, indent=1))
 
 
 def series(record: TestRecord) -> dict[str, np.ndarray]:
-    """The recorded variables under their dataset names, in the dataset's float32."""
+    """Series of a test under their dataset names, single precision."""
     parts = {
         "strain": record.strain,
         "stress": record.stress[:, :3],
@@ -149,12 +108,14 @@ def series(record: TestRecord) -> dict[str, np.ndarray]:
 
 
 def failure_reason(out: Path) -> str | None:
-    """Why LIGGGHTS ended the process: the last error of its log; None where it says nothing.
+    """Return the last error in the log of LIGGGHTS, or None if there is none.
+
+    The campaign calls this function when LIGGGHTS has ended the process of a job.
 
     Raises
     ------
     EngineError
-        If the error is about a file or about memory: the machine's failure, not the specimen's.
+        If the error is about a file or about memory, so that it was not caused by the test.
     """
     for name in (LOG_FILE, PREPARATION_LOG_FILE):
         if error := last_error(out / name):

@@ -1,4 +1,4 @@
-"""The jobs of a `fem-*` campaign: one explicit analysis each."""
+"""The job of a `fem-*` campaign: one explicit analysis."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,59 +10,44 @@ import torch
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from granbench.benchmark.axes.embedded.posed import posed
 from granbench.errors import AnalysisError
 from granbench.fem import run
+from granbench.fem.build import build_problem
 from granbench.fem.problems.biaxial import HEIGHT, Biaxial
 from granbench.fem.statement import spread_points
-from granbench.generators.campaign import Job
-from granbench.generators.classical.recorded import recorded
-from granbench.generators.fem.design import AnalysisPlan, FemPreset, GroundTruth
+from granbench.generators.fem.plan import AnalysisPlan
+from granbench.generators.rounding import recorded
 from granbench.models.ground_truth import recording_cell
 
 RECORD_FILE = "record.npz"
-PHYSICAL_FAILURES = (AnalysisError,)
+PERMANENT_FAILURES = (AnalysisError,)
 POSITION = ("position_x", "position_y")
-
-
-def campaign_job(truth: GroundTruth, preset: FemPreset, plan: AnalysisPlan, seed: int) -> Job:
-    """The job that makes one analysis.
-
-    Parameters
-    ----------
-    truth, preset : what is made
-    plan : the analysis
-    seed : of the dataset
-    """
-    return Job(
-        key=plan.name,
-        function="granbench.generators.fem.jobs:run_analysis",
-        configuration={
-            "model": truth.model,
-            "parameters": truth.cell().values(),
-            "steps": preset.steps,
-            "plan": plan.model_dump(mode="json"),
-        },
-        seed=seed,
-    )
+POINT = "point"
+"""Array of the numbers of the Gauss points in the file; it is not a variable of the dataset."""
 
 
 def run_analysis(
     configuration: Mapping[str, Any], seed: int, inputs: Mapping[str, Path], out: Path
 ) -> None:
-    """Keep the histories of some Gauss points of an explicit analysis in `out`.
+    """Write the histories of some Gauss points of an explicit analysis, rounded.
+
+    Parameters
+    ----------
+    configuration : of the job, see `granbench.generators.fem.generator.jobs`
+    seed, inputs : not used; the seed of the confining pressure is in the configuration
+    out : folder for the file
 
     Raises
     ------
     AnalysisError
-        If the analysis does not come to its end.
+        If the analysis fails before its end.
     """
     plan = AnalysisPlan.model_validate(configuration["plan"])
     cell = recording_cell(configuration["model"], configuration["parameters"])
-    problem = posed(plan)
+    problem = build_problem(plan)
     # All paths of a dataset have the same number of steps, wherever a loading turns.
     settings = replace(problem.explicit(), outputs=configuration["steps"], turning_points=False)
-    # Threads that wait for each other cost more than they do, at some hundred points.
+    # At some hundred points, several threads would cost more than they save.
     torch.set_num_threads(1)
     histories = run(problem, cell, solver=settings, mesh=plan.mesh).check()
     points = different_points(plan, histories["point_position"].values)
@@ -73,11 +58,11 @@ def run_analysis(
 
 
 def different_points(plan: AnalysisPlan, positions: np.ndarray) -> np.ndarray:
-    """Numbers of the Gauss points whose histories are not those of another one.
+    """Numbers of the Gauss points whose histories do not repeat those of another point.
 
-    A biaxial test is its own image after half a turn, which leaves plane tensors as they are: the
-    points of its upper half repeat those of the lower one. Its left and right halves differ in
-    the sign of the shear.
+    A biaxial test is symmetric under half a turn, which does not change plane tensors: the points
+    of its upper half repeat those of its lower half. Its left and right halves differ in the sign
+    of the shear.
 
     Parameters
     ----------
@@ -90,12 +75,16 @@ def different_points(plan: AnalysisPlan, positions: np.ndarray) -> np.ndarray:
 
 
 def records_of(histories: xr.Dataset, internals: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """Histories as a dataset keeps them: (path, step, ...), a path being a Gauss point.
+    """Histories under their dataset names, rounded, (path, step, ...); a path is a Gauss point.
 
     Parameters
     ----------
     histories : of some Gauss points
     internals : names of the internal variables among them
+
+    Returns
+    -------
+    The series, and the positions of the points, (path,), m
     """
     series: dict[str, ArrayLike] = {
         name: histories[name].transpose("point", "step", ...).values

@@ -1,11 +1,12 @@
-"""Tangents at the price of a step, for Newton's method: differences of a cell's own answers."""
+"""Tangents at the cost of a step, for Newton's method: differences of a cell's own stresses."""
 
 from typing import final
 
 from torch import Tensor
 
-from granbench.cells.contract import Conditions, MaterialCell
-from granbench.cells.step_differences import step_and_differences
+from granbench.cells.contract import MaterialCell
+from granbench.cells.finite_differences import step_and_tangent
+from granbench.cells.wrapper import CellWrapper
 
 
 def with_cheap_tangent(cell: MaterialCell) -> MaterialCell:
@@ -14,47 +15,40 @@ def with_cheap_tangent(cell: MaterialCell) -> MaterialCell:
 
 
 @final
-class DifferenceTangent(MaterialCell):
-    """A cell whose tangent is one-sided differences, made in the step that is asked for anyway.
+class DifferenceTangent(CellWrapper):
+    """A cell whose tangent is made of one-sided differences, computed together with its step.
 
     Automatic differentiation of a substepped model costs several steps. Here copies of the points,
     one a strain component, go through the cell in the batch of the step itself, and the next call
     of `tangent` uses them. What a small batch costs is the number of calls, not of points.
 
     Newton's method only needs a good direction: what it converges to does not depend on the
-    tangent. Where the tangent itself is an answer, take the cell's own.
+    tangent. Where the tangent itself is the result, take the cell's own.
 
     Parameters
     ----------
-    cell : left as it was; its answers change by the rounding of a larger batch at most
+    cell : left as it is; its stresses change by the rounding of a larger batch at most
     """
 
     cheap_tangent = True
 
     def __init__(self, cell: MaterialCell) -> None:
-        self.name, self.order, self.dtype = cell.name, cell.order, cell.dtype
-        self.layout, self.internals = cell.layout, cell.internals
-        self.reads_records = cell.reads_records
-        self._cell = cell
+        super().__init__(cell)
         self._last: tuple[Tensor, Tensor, tuple[Tensor, Tensor, Tensor]] | None = None
-
-    def initial_state(self, conditions: Conditions) -> Tensor:
-        """See `MaterialCell.initial_state`."""
-        return self._cell.initial_state(conditions)
 
     def step(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """See `MaterialCell.step`."""
-        stress, after, tangent = step_and_differences(self._cell.step, dstrain, state)
+        stress, after, tangent = step_and_tangent(self.wrapped.step, dstrain, state)
         self._last = (dstrain, state, (stress, after, tangent))
         return stress, after
 
     def tangent(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """See `MaterialCell.tangent`; of what `step` was just asked it costs nothing.
+        """See `MaterialCell.tangent`; after the same `step` it costs nothing.
 
-        Points with zero strain, which stress control no longer asks for, keep what they had.
+        Points with zero strain, which stress control is done with, keep what they had.
         """
         if self._last is not None and self._last[1] is state:
             same = (self._last[0] == dstrain).all(dim=1) | (dstrain == 0.0).all(dim=1)
             if same.all():
                 return self._last[2]
-        return step_and_differences(self._cell.step, dstrain, state)
+        return step_and_tangent(self.wrapped.step, dstrain, state)

@@ -13,7 +13,19 @@ from typing import Annotated, NoReturn
 import typer
 
 from granbench import __version__
-from granbench.cli import data, drive, evaluate, fem, fit, generate, leaderboard, submission, train
+from granbench.cli import (
+    data,
+    drive,
+    evaluate,
+    fem,
+    fit,
+    generate,
+    leaderboard,
+    submission,
+    task,
+    train,
+)
+from granbench.cli.generated_help import CommandWithNames
 from granbench.cli.printing import note
 from granbench.cli.setting_options import option_text
 from granbench.cli.streams import flush_streams, prepare_streams
@@ -52,12 +64,13 @@ def granbench(
 
 
 app.add_typer(data.app, name="data")
+app.add_typer(task.app, name="task")
 app.command()(generate.generate)
 app.command()(train.train)
 app.command()(evaluate.evaluate)
 app.command()(drive.drive)
 app.command()(fit.fit)
-app.command()(fem.fem)
+app.command(cls=CommandWithNames)(fem.fem)
 app.add_typer(submission.app, name="submission")
 app.add_typer(leaderboard.app, name="leaderboard")
 

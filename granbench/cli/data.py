@@ -1,23 +1,19 @@
 """`granbench data`: list, info, fetch, verify and plot datasets."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 from rich.table import Table
 
 from granbench.cli.data_tables import print_summary
 from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.cli.pictures import drawing_errors
 from granbench.cli.printing import print_json, say, show
+from granbench.cli.progress import progress_bar
 from granbench.cli.termination import stopped_by_sigterm
 
 if TYPE_CHECKING:
-    from granbench.data.download import OnBytes
     from granbench.data.registry import RegistryEntry
 
 app = typer.Typer(
@@ -27,22 +23,6 @@ app = typer.Typer(
 Source = Annotated[str, typer.Argument(metavar="NAME|FILE", help="Dataset name or netCDF file.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-
-
-@contextmanager
-def _download_bar(quiet: bool = False) -> Iterator["OnBytes"]:
-    """A bar on the terminal's stderr that appears with the first bytes."""
-    console = Console(stderr=True)
-    columns = (TextColumn("fetching"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
-    hidden = quiet or not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
-
-        def advance(done: int, total: int) -> None:
-            if not bar.task_ids:
-                bar.add_task("fetch", total=total)
-            bar.update(bar.task_ids[0], completed=done, total=total)
-
-        yield advance
 
 
 @app.command("list")
@@ -86,8 +66,8 @@ def info(
     from granbench.data.summary import listed_paths, summarise_file
     from granbench.data.verification import read_as_trusted
 
-    with _download_bar() as progress:
-        file = file_of(source, progress)
+    with progress_bar("fetching", shown="bytes") as bar:
+        file = file_of(source, bar.move)
     if paths:
         rows = read_as_trusted(file, listed_paths)
         if as_json:
@@ -125,11 +105,11 @@ def fetch(
     """
     from granbench.data.store import bring, dataset_file
 
-    with stopped_by_sigterm(), _download_bar(quiet) as progress:
+    with stopped_by_sigterm(), progress_bar("fetching", shown="bytes", hidden=quiet) as bar:
         if dest:
-            file = bring(name, dest, progress, minutes=make)
+            file = bring(name, dest, bar.move, minutes=make)
         else:
-            file = dataset_file(name, progress, minutes=make)
+            file = dataset_file(name, bar.move, minutes=make)
     if as_json:
         print_json({"name": name, "file": str(file)})
     elif not quiet:
@@ -142,8 +122,8 @@ def verify(source: Source, as_json: Json = False, quiet: Quiet = False) -> None:
     from granbench.data.store import file_of
     from granbench.data.verification import verify_file
 
-    with _download_bar(quiet) as progress:
-        file = file_of(source, progress)
+    with progress_bar("fetching", shown="bytes", hidden=quiet) as bar:
+        file = file_of(source, bar.move)
     entry = verify_file(file)
     if as_json:
         registered = f"{entry.id}@{entry.version}" if entry else None
@@ -179,8 +159,8 @@ def plot(
         figure_format(out)
         require_writable("--out", out)
         refuse_overwriting(out, "NAME|FILE", Path(source))
-    with _download_bar(quiet) as progress:
-        file = file_of(source, progress)
+    with progress_bar("fetching", shown="bytes", hidden=quiet) as bar:
+        file = file_of(source, bar.move)
     picture = out or Path(f"{file.stem}.png")
     with drawing_errors(picture):
         read_as_trusted(file, draw_file, picture, path or None)

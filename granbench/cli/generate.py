@@ -8,43 +8,57 @@ import typer
 from granbench.cli.options import core_count, require_folder, seed_option
 from granbench.cli.printing import note, print_json, say
 from granbench.cli.termination import stopped_by_sigterm
+from granbench.errors import EngineError
 
 
 def generate(
     dataset: Annotated[str, typer.Argument(help="Dataset to generate, such as dem-triaxial.")],
     out: Annotated[Path, typer.Option(help="Folder of the campaign and of the dataset.")],
-    preset: Annotated[str, typer.Option(help="smoke, core or paper.")] = "smoke",
-    workers: Annotated[int, typer.Option(min=1, help="Jobs at a time on this machine.")] = 1,
+    preset: Annotated[
+        str,
+        typer.Option(help="Size of the dataset, such as smoke, core or paper."),
+    ] = "smoke",
+    workers: Annotated[
+        int, typer.Option(min=1, help="Number of jobs that run at the same time on this machine.")
+    ] = 1,
     scheduler: Annotated[
-        str | None, typer.Option(help="Address of a dask scheduler that takes the jobs instead.")
+        str | None, typer.Option(help="Address of a dask scheduler that runs the jobs instead.")
     ] = None,
     seed: Annotated[int, seed_option("Seed of every random choice.")] = 0,
     retry_failed: Annotated[
         bool,
-        typer.Option("--retry-failed", help="Also run jobs again whose own physics ended them."),
+        typer.Option("--retry-failed", help="Also run jobs again that failed permanently."),
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the outcome as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
 ) -> None:
     """Generate a dataset; run the same command again to continue one that was interrupted."""
-    from granbench.generators.catalogue import generator, require_usable
+    from granbench.generators.campaign.report import MissingResults
+    from granbench.generators.find import find_generator
+    from granbench.generators.generator import require_netcdf_name
 
-    make = generator(dataset)
-    require_usable(out)
+    generator = find_generator(dataset)
+    require_netcdf_name(out)
     require_folder("--out", out)
     if scheduler is None and workers > (cores := core_count()):
-        note(f"--workers {workers}: this machine offers {cores} cores, so {cores} jobs run at once")
+        note(f"--workers {workers}: this machine has {cores} cores, so {cores} jobs run at once")
         workers = cores
-    with stopped_by_sigterm():
-        path, report = make(
-            preset,
-            out,
-            seed=seed,
-            workers=workers,
-            scheduler=scheduler,
-            progress="quiet" if quiet or as_json else "bar",
-            retry_failed=retry_failed,
-        )
+    try:
+        with stopped_by_sigterm():
+            path, report = generator.generate(
+                dataset,
+                preset,
+                out,
+                seed=seed,
+                workers=workers,
+                scheduler=scheduler,
+                progress="quiet" if quiet or as_json else "bar",
+                retry_failed=retry_failed,
+            )
+    except MissingResults as error:
+        if error.permanent and not retry_failed:
+            raise EngineError(f"{error}, or try them again with --retry-failed") from error
+        raise
     if as_json:
         outcome = {
             "dataset": str(path),

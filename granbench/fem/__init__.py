@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from granbench.fem.analysis import run
-    from granbench.fem.iteration import ImplicitSettings
+    from granbench.fem.implicit_settings import ImplicitSettings
     from granbench.fem.mesh import PlaneMesh
     from granbench.fem.problems import PROBLEMS, Problem, find_problem
     from granbench.fem.result import Analysis
@@ -32,7 +32,7 @@ _MODULES = {
     "PROBLEMS": "problems",
     "Analysis": "result",
     "ExplicitSettings": "time_step",
-    "ImplicitSettings": "iteration",
+    "ImplicitSettings": "implicit_settings",
     "PlaneMesh": "mesh",
     "Problem": "problems",
     "find_problem": "problems",

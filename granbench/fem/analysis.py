@@ -13,17 +13,18 @@ import torch
 from granbench.cells.check import checked_cell, spread_rows
 from granbench.cells.contract import MaterialCell
 from granbench.errors import AnalysisError, ConfigurationError
+from granbench.fem.assembled_loading import AssembledLoading, assemble_loading
 from granbench.fem.explicit import OnStep, solve_explicit
 from granbench.fem.gauss_points import GaussPoints
 from granbench.fem.implicit import solve_implicit
-from granbench.fem.iteration import ImplicitSettings
-from granbench.fem.loading import AssembledLoading, assemble_loading
+from granbench.fem.implicit_settings import ImplicitSettings
 from granbench.fem.mesh import Floats, PlaneMesh
-from granbench.fem.operators import Operators, build_operators
+from granbench.fem.operators import ORDER, Operators, build_operators
 from granbench.fem.problems import Problem, find_problem
 from granbench.fem.remarks import remarks
 from granbench.fem.result import Analysis, Recorder
 from granbench.fem.time_step import ExplicitSettings
+from granbench.tensors import mean_stress
 
 SOLVERS = ("explicit", "implicit")
 
@@ -83,7 +84,7 @@ def run(
     operators = build_operators(mesh, b_bar=problem.b_bar)
     loading = assemble_loading(problem.loading(mesh), operators, settings.density)
     stress = problem.initial_stress(operators.points, settings.density)
-    known = {"initial_mean_stress": 0.5 * (stress[0] + stress[1]), **(scalars or {})}
+    known = {"initial_mean_stress": mean_stress(stress.T, ORDER), **(scalars or {})}
     points = GaussPoints(cell, stress, operators.points, known)
     recorder = Recorder(operators, points, problem.drive_length)
     checked = checked_cell(cell, points.state[spread_rows(points.count)])

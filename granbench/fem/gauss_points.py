@@ -12,8 +12,8 @@ from torch import Tensor
 
 from granbench.cells.contract import FLOATING_FAILURES, Conditions, MaterialCell
 from granbench.cells.difference_tangent import with_cheap_tangent
+from granbench.cells.robust_runs import CellMethod, robust_call
 from granbench.cells.user_code import user_code
-from granbench.element_test.stress_control import Answer, surviving
 from granbench.errors import (
     AnalysisError,
     ConfigurationError,
@@ -21,9 +21,9 @@ from granbench.errors import (
 )
 from granbench.fem.cell_failure import CellFailure, misanswered, raised
 from granbench.fem.mesh import Floats
+from granbench.fem.operators import ORDER
 from granbench.tensors import COMPONENT_ORDERS
 
-ORDER = "plane"
 COMPONENTS = len(COMPONENT_ORDERS[ORDER])
 
 
@@ -195,7 +195,7 @@ class GaussPoints:
         }
 
     def _ask(
-        self, answer: Answer, dstrain: Floats, step: int, parts: int = 2
+        self, answer: CellMethod, dstrain: Floats, step: int, parts: int = 2
     ) -> tuple[Tensor, ...]:
         rows = dstrain.reshape(COMPONENTS, -1).T
         increment = torch.from_numpy(rows if self._like else rows.astype(self._type))
@@ -214,11 +214,11 @@ class GaussPoints:
             raise misanswered(self.cell.name, found, step)
         return found
 
-    def _answer(self, answer: Answer, increment: Tensor) -> tuple[Tensor, ...]:
+    def _answer(self, answer: CellMethod, increment: Tensor) -> tuple[Tensor, ...]:
         try:
             return answer(increment, self.state)
         except FLOATING_FAILURES:
-            return surviving(answer, increment, self.state)
+            return robust_call(answer, increment, self.state)
 
     def _tried(
         self,

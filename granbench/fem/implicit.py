@@ -5,8 +5,8 @@ r"""Implicit statics: load steps, each iterated until the forces balance.
 where the material goes from its last converged state over the whole increment du of the load step
 in every iteration, as in Algorithm 2. The named schemes differ in how du is improved; they are in
 `granbench.fem.iteration`. A load step in which the scheme fails is cut in two, as often as
-allowed. Iterations begin at the last increment, scaled by the driving displacement, or where that
-misled or the drive turned, at the prescribed motion spread over the body.
+allowed. Iterations begin at the last increment, scaled by the driving displacement; where that does
+not converge or the drive turned, they begin at the prescribed motion spread over the body.
 """
 
 from __future__ import annotations
@@ -17,11 +17,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from granbench.errors import AnalysisError
+from granbench.fem.assembled_loading import AssembledLoading
 from granbench.fem.balance import Balance
 from granbench.fem.explicit import OnStep
 from granbench.fem.gauss_points import GaussPoints, MaterialFailure
-from granbench.fem.iteration import ImplicitSettings, Outcome, Scheme, scheme_of
-from granbench.fem.loading import AssembledLoading, LoadingHistory
+from granbench.fem.implicit_settings import ImplicitSettings
+from granbench.fem.iteration import Outcome, Scheme, scheme_of
+from granbench.fem.loading import LoadingHistory
 from granbench.fem.mesh import Floats
 from granbench.fem.operators import Operators
 from granbench.fem.result import Recorder
@@ -33,7 +35,7 @@ def load_times(drive: LoadingHistory, steps: int) -> Floats:
     Parameters
     ----------
     drive : the driving displacement
-    steps : how many there are to be; more where the turning points ask for it
+    steps : number of load steps; turning points may add some
     """
     ends = np.asarray(drive.times)
     counts = np.maximum(1, np.round(steps * np.diff(ends) / drive.end).astype(int))
@@ -61,20 +63,20 @@ def solve_implicit(
     AnalysisError
         If a load step does not converge, or the material fails, however small the step.
     """
-    march = _March(operators, loading, points, settings)
-    march.record(recorder, _Taken())
+    stepper = _Stepper(operators, loading, points, settings)
+    stepper.record(recorder, _StepRecord())
     points.ask_at_rest()
-    scheme = scheme_of(settings, march.balance)
+    scheme = scheme_of(settings, stepper.balance)
     times = load_times(loading.loading.drive, settings.steps)
     for step in range(1, len(times)):
-        march.record(recorder, march.advance(scheme, times[step - 1], times[step], step))
+        stepper.record(recorder, stepper.advance(scheme, times[step - 1], times[step], step))
         if on_step is not None:
             on_step(step, len(times) - 1)
 
 
 @dataclass(frozen=True)
-class _Taken:
-    """How a load step was taken; the residuals are those of its last piece."""
+class _StepRecord:
+    """How one load step converged; the residuals are those of its last piece."""
 
     pieces: int = 0
     iterations: int = 0
@@ -83,13 +85,13 @@ class _Taken:
 
 @dataclass(frozen=True)
 class _Attempt:
-    """What came of a piece of a load step.
+    """Result of the iterations on a piece of a load step.
 
     Parameters
     ----------
-    outcome : of the last first increment that the scheme came to an end from, if any
-    failure : of the material, from any of them
-    iterations : from all of them
+    outcome : of the last guess from which the scheme did not fail in the material, if any
+    failure : of the material, from any of the guesses
+    iterations : over all guesses
     """
 
     outcome: Outcome | None
@@ -97,8 +99,8 @@ class _Attempt:
     iterations: int
 
 
-class _March:
-    """A body on its way through the load steps."""
+class _Stepper:
+    """A body and its state, advanced load step by load step."""
 
     def __init__(
         self,
@@ -119,29 +121,29 @@ class _March:
         self.time = 0.0
         self.internal_work = self.external_work = 0.0
 
-    def advance(self, scheme: Scheme, begin: float, end: float, step: int) -> _Taken:
-        """One load step, in as many pieces as it takes: halves after a failure, then twice that."""
-        drive, taken = self.loading.loading.drive, _Taken()
+    def advance(self, scheme: Scheme, begin: float, end: float, step: int) -> _StepRecord:
+        """One load step, in pieces: half the size after a failure, doubled after each success."""
+        drive, record = self.loading.loading.drive, _StepRecord()
         done, share = 0.0, 1.0
         while done < 1.0:
             until = end if done + share >= 1.0 else begin + (done + share) * (end - begin)
             move = float(drive.at(until) - drive.at(self.time))
             attempt = self._attempt(scheme, until, move, step)
-            outcome, iterations = attempt.outcome, taken.iterations + attempt.iterations
+            outcome, iterations = attempt.outcome, record.iterations + attempt.iterations
             if outcome is not None and outcome.converged:
                 self._keep(outcome.increment, move, until)
-                taken = _Taken(taken.pieces + 1, iterations, outcome.residuals)
+                record = _StepRecord(record.pieces + 1, iterations, outcome.residuals)
                 done += share
                 share = min(2.0 * share, 1.0 - done)
             else:
-                taken = replace(taken, iterations=iterations)
+                record = replace(record, iterations=iterations)
                 share *= 0.5
                 if share < 0.5**self.settings.cuts:
                     raise self._failed(scheme, attempt, step)
-        return taken
+        return record
 
     def _attempt(self, scheme: Scheme, until: float, move: float, step: int) -> _Attempt:
-        """Look for the balance at a time from one first increment after the other."""
+        """Iterate to equilibrium at a time, starting from one guess after the other."""
         outcome, failure, iterations = None, None, 0
         self.balance.aim_at(self.loading.external_force(self.loading.force_values(until)), step)
         for guess in self._guesses(move):
@@ -156,14 +158,14 @@ class _March:
         return _Attempt(outcome, failure, iterations)
 
     def _guesses(self, move: float) -> list[Floats]:
-        """First values of an increment, the more promising first."""
+        """First guesses of an increment, the more promising one first."""
         spread = move * self.loading.spread
         if move * self.last_move > 0.0:
             return [np.where(self.loading.fixed, spread, move / self.last_move * self.last), spread]
         return [spread]
 
     def _keep(self, increment: Floats, move: float, until: float) -> None:
-        """Move on to the state of the last iteration."""
+        """Accept the state of the last iteration."""
         self.points.accept()
         self.balance.keep()
         internal, external = self.balance.internal, self.balance.external
@@ -177,7 +179,7 @@ class _March:
         self.last, self.last_move, self.time = increment, move, until
 
     def _failed(self, scheme: Scheme, attempt: _Attempt, step: int) -> AnalysisError:
-        """Why a load step cannot be taken: the material's reason if no iteration came to an end."""
+        """Error of a load step: the material's own where every guess failed in the material."""
         outcome = attempt.outcome
         if outcome is None and attempt.failure is not None:
             return attempt.failure
@@ -188,18 +190,18 @@ class _March:
             f"{scheme.remedy}"
         )
 
-    def record(self, recorder: Recorder, taken: _Taken) -> None:
-        """Hand the present load step on."""
+    def record(self, recorder: Recorder, step: _StepRecord) -> None:
+        """Add the present load step to the recorder."""
         parts = self.internal_work, self.external_work
         seconds = time.perf_counter() - self.begin
         recorder.add(
             self.displacement,
             driving_displacement=float(self.loading.loading.drive.at(self.time)),
-            residuals=taken.residuals,
+            residuals=step.residuals,
             time=self.time,
             reaction=self.loading.reaction(self.internal, self.external),
-            iterations=taken.iterations,
-            pieces=taken.pieces,
+            iterations=step.iterations,
+            pieces=step.pieces,
             internal_energy=self.internal_work,
             external_work=self.external_work,
             energy_error=(parts[0] - parts[1]) / (max(map(abs, parts)) or 1.0),

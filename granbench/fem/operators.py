@@ -2,7 +2,7 @@ r"""What a mesh does to numbers: sparse matrices between nodes and Gauss points,
 
     strain   d eps = B du                         (Eq 5.5)
     force    I = B^T W sigma                      (Eq 5.2)
-    mass     M = rho int N N dA                   (Eq 5.3)
+    mass     M = rho int N N dA, lumped           (Eq 5.3)
 
 A nodal vector holds x of all nodes, then y: (2 node,). A Gauss-point vector is component-major:
 xx of all points, then yy, then the tensor shear xy: (3 point,). Displacements and forces follow
@@ -21,12 +21,16 @@ import skfem
 from scipy import sparse
 from scipy.sparse import csr_array
 
-try:
-    from scipy.sparse._sparsetools import csr_matvec
-except ImportError:  # it is scipy's own affair, and may move
-    csr_matvec = None
-
 from granbench.fem.mesh import Floats, PlaneMesh
+from granbench.tensors import (
+    COMPONENT_ORDERS,
+    contraction_weights,
+    normal_mask,
+    volumetric_strain,
+)
+
+ORDER = "plane"
+"""Component order of strain and stress in plane strain."""
 
 
 def compression_positive(symmetric_gradient: Floats) -> Floats:
@@ -87,13 +91,6 @@ class Operators:
         )
         return density * np.tile(share, 2)
 
-    def consistent_mass(self, density: float) -> csr_array:
-        """Consistent mass matrix, (2 node, 2 node), kg/m."""
-        order = 2 * self.mesh.kind.shape().maxdeg
-        basis = skfem.CellBasis(self.mesh.geometry, self.mesh.kind.shape(), intorder=order)
-        scalar = skfem.BilinearForm(lambda u, v, w: u * v).assemble(basis)
-        return csr_array(density * sparse.block_diag([scalar, scalar]))
-
     def pressure_force(self, boundary: str) -> Floats:
         """Nodal forces of a unit pressure on a named boundary, (2 node,), m.
 
@@ -126,7 +123,8 @@ class Operators:
 
     def volumetric_strain(self, strain: Floats) -> float:
         """Mean volumetric strain of the body from strain (3, point), compression positive."""
-        return float((strain[0] + strain[1]) @ self.volumes / self.volumes.sum())
+        volumetric = volumetric_strain(strain.T, ORDER)
+        return float(volumetric @ self.volumes / self.volumes.sum())
 
 
 def build_operators(mesh: PlaneMesh, *, b_bar: bool = False) -> Operators:
@@ -143,19 +141,19 @@ def build_operators(mesh: PlaneMesh, *, b_bar: bool = False) -> Operators:
     gradients = np.stack([shape[0].grad for shape in basis.basis])  # (local, direction, el, gp)
     dx, dy = np.moveaxis(gradients, 0, -1)  # each (element, Gauss point, local)
     zero = np.zeros_like(dx)
-    rows = [
-        np.concatenate(pair, axis=-1)
-        for pair in ((dx, zero), (zero, dy), (0.5 * dy, 0.5 * dx))  # xx, yy, tensor shear xy
-    ]
+    # What the displacements in x and in y give to each component; xy is the tensor shear.
+    gradient = {"xx": (dx, zero), "yy": (zero, dy), "xy": (0.5 * dy, 0.5 * dx)}
+    rows = [np.concatenate(gradient[label], axis=-1) for label in COMPONENT_ORDERS[ORDER]]
     local = np.stack(rows, axis=2)  # (element, Gauss point, component, 2 local)
     weights = basis.dx
     if b_bar:
-        trace = local[:, :, 0] + local[:, :, 1]
+        trace = volumetric_strain(np.moveaxis(local, 2, -1), ORDER)
         mean = np.einsum("eg,egl->el", weights, trace) / weights.sum(axis=1)[:, None]
-        local[:, :, :2] += 0.5 * (mean[:, None] - trace)[:, :, None]
+        normal = np.array(normal_mask(ORDER))[:, None]
+        local += 0.5 * (mean[:, None] - trace)[:, :, None] * normal
     local = compression_positive(local)
     elements, per_element, _, width = local.shape
-    weighted = local * weights[:, :, None, None] * np.array([1.0, 1.0, 2.0])[:, None]
+    weighted = local * weights[:, :, None, None] * np.array(contraction_weights(ORDER))[:, None]
     dofs = np.concatenate([mesh.element_nodes, mesh.element_nodes + len(mesh.nodes)], axis=1)
     strain = _global(local, dofs, 2 * len(mesh.nodes))
     force = _compact(csr_array(_global(weighted, dofs, 2 * len(mesh.nodes)).T))
@@ -188,24 +186,6 @@ def _global(local: Floats, dofs: np.ndarray, columns: int) -> csr_array:
         (local[kept], (row[kept], column[kept])), shape=(components * count, columns)
     )
     return _compact(csr_array(matrix))
-
-
-def product(matrix: csr_array) -> Callable[[Floats], Floats]:
-    """What multiplies a matrix with a vector, as ``matrix @ vector`` and at half its cost.
-
-    At some hundred Gauss points scipy takes as long to look at its arguments as to multiply.
-    """
-    if csr_matvec is None:
-        return matrix.__matmul__
-    rows, columns = matrix.shape
-    parts = (rows, columns, matrix.indptr, matrix.indices, matrix.data)
-
-    def times(vector: Floats) -> Floats:
-        result = np.zeros(rows)
-        csr_matvec(*parts, vector, result)
-        return result
-
-    return times
 
 
 def _compact(matrix: csr_array) -> csr_array:

@@ -9,6 +9,8 @@ import numpy as np
 import xarray as xr
 
 from granbench.fem.gauss_points import UNSTRESSED
+from granbench.fem.operators import ORDER
+from granbench.tensors import volumetric_strain
 
 LARGEST_VOLUMETRIC_STRAIN = 0.5
 """No soil changes its volume by half, and strains that large are not small."""
@@ -42,7 +44,7 @@ def first_implausible_step(dataset: xr.Dataset) -> int | None:
 def _largest_volumetric_strain(dataset: xr.Dataset) -> np.ndarray:
     """Largest absolute value at any Gauss point, (step,)."""
     strain = dataset["strain"].values
-    return np.asarray(np.abs(strain[..., 0] + strain[..., 1]).max(axis=1, initial=0.0))
+    return np.asarray(np.abs(volumetric_strain(strain, ORDER)).max(axis=1, initial=0.0))
 
 
 def first_turned_step(dataset: xr.Dataset) -> int | None:

@@ -12,9 +12,9 @@ import xarray as xr
 
 from granbench import __version__
 from granbench.errors import AnalysisError
-from granbench.fem.gauss_points import COMPONENTS, ORDER, GaussPoints
+from granbench.fem.gauss_points import COMPONENTS, GaussPoints
 from granbench.fem.mesh import Floats
-from granbench.fem.operators import Operators
+from granbench.fem.operators import ORDER, Operators
 from granbench.files.whole_file import whole_file
 from granbench.tensors import COMPONENT_ORDERS
 

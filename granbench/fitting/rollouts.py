@@ -21,7 +21,7 @@ from torch import Tensor
 
 from granbench.cells.contract import Conditions
 from granbench.element_test.run import run_test
-from granbench.element_test.stress_control import Patience
+from granbench.element_test.stress_control import IterationLimits
 from granbench.fitting.cell_of_each_point import CellOfEachPoint
 from granbench.fitting.parameter_space import ParameterSpace, with_parameters
 from granbench.fitting.test_batch import TestBatch
@@ -32,7 +32,7 @@ HELD_TOLERANCE = 3e-4
 than the error of models with error control, below which their stress is not a smooth function of
 the strain."""
 
-PATIENCE = Patience(iterations=10, halvings=3, smallest_share=0.25, refusals=2)
+LIMITS = IterationLimits(iterations=10, halvings=3, smallest_share=0.25, failed_calls=2)
 """Reduced effort: with many parameters of a search the model cannot follow a test, and proving that
 would take longer than all other tests."""
 
@@ -81,7 +81,7 @@ def predict(space: ParameterSpace, vectors: Tensor, batch: TestBatch) -> Predict
     """
     control, conditions = batch.repeated(len(vectors))
     cell = CellOfEachPoint(space.cell, space.per_point(vectors.detach(), batch.size))
-    done = run_test(cell, control, conditions, tolerance=HELD_TOLERANCE, patience=PATIENCE)
+    done = run_test(cell, control, conditions, tolerance=HELD_TOLERANCE, limits=LIMITS)
     shape = (len(vectors), batch.size, control.steps, -1)
     return Prediction(
         torch.from_numpy(done.strain).reshape(shape), torch.from_numpy(done.stress).reshape(shape)

@@ -22,7 +22,7 @@ from granbench.models.arrays import (
     smallest_square,
     sqrt,
 )
-from granbench.tensors import COMPONENT_ORDERS
+from granbench.tensors import COMPONENT_ORDERS, PLANE_STRAIN_ROWS, is_normal
 
 
 class _Units(NamedTuple):
@@ -66,7 +66,7 @@ class TensorRows:
         self.dimension = dimension
         self.count = len(labels)
         self.square_factor = 2.0 if dimension == 2 else 1.5
-        normal = [label[0] == label[1] for label in labels]
+        normal = [is_normal(label) for label in labels]
         self._normal_rows = [row for row, is_normal in enumerate(normal) if is_normal]
         self.normal = torch.tensor(normal, dtype=dtype).unsqueeze(-1)
         self.weight = 2.0 - self.normal
@@ -161,7 +161,6 @@ def tensor_rows(order: str, dimension: int, dtype: torch.dtype) -> TensorRows:
         raise ConfigurationError(
             f"unknown component order {order!r}; use {', '.join(COMPONENT_ORDERS)}"
         )
-    labels = COMPONENT_ORDERS[order]
-    if order == "plane" and dimension == 3:
-        labels = (*labels, "zz")
-    return TensorRows(labels, 2 if order == "plane" and dimension == 2 else 3, dtype)
+    in_plane = order == "plane"
+    labels = PLANE_STRAIN_ROWS if in_plane and dimension == 3 else COMPONENT_ORDERS[order]
+    return TensorRows(labels, 2 if in_plane and dimension == 2 else 3, dtype)

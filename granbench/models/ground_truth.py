@@ -31,7 +31,7 @@ def ground_truth_cell(records: xr.Dataset) -> ClassicalCell | None:
         return None
     try:
         stated = parse_parameters(str(text), f"attribute {GROUND_TRUTH!r}")
-        return stated.cell(component_order(tuple(map(str, records["component"].values))))
+        return stated.cell(component_order(records["component"].values))
     except ModelError as error:
         raise DatasetError(
             f"{records.attrs.get('dataset', 'the dataset')}: its attribute {GROUND_TRUTH!r} "

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from granbench.errors import ConfigurationError
 from granbench.paths.programme import Floats
 from granbench.records.rounding import on_grid
-from granbench.tensors import frobenius_norm
+from granbench.tensors import contraction_weights, frobenius_norm
 
 STRAIN_GRID = 2.0**-20
 """Recorded strains are multiples of this, about a microstrain, and so are other numbers without
@@ -83,5 +83,5 @@ def uniform(rng: np.random.Generator, count: int, *ranges: tuple[float, float]) 
 def directions(rng: np.random.Generator, count: int) -> Floats:
     """Strain directions (path, 3) of unit Frobenius norm, uniform over all of them."""
     # A shear component counts twice in the norm; in (xx, yy, sqrt 2 xy) it is Euclidean.
-    direction = rng.standard_normal((count, 3)) / np.array([1.0, 1.0, np.sqrt(2.0)])
+    direction = rng.standard_normal((count, 3)) / np.sqrt(contraction_weights("plane"))
     return direction / frobenius_norm(direction, "plane")[:, None]

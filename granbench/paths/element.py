@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from granbench.paths.programme import Floats, LoadingProgramme, held_ratio, require
+from granbench.tensors import normal_mask
 
 
 class _DrivenTest(LoadingProgramme):
@@ -48,9 +49,7 @@ class _DrivenTest(LoadingProgramme):
         return length * np.array(self.driven)
 
     def targets(self, length: float) -> Floats:
-        isotropic = np.zeros(len(self.driven))
-        isotropic[:3] = self.pressure
-        return self.controlled_stresses @ isotropic
+        return self.controlled_stresses @ (self.pressure * np.array(normal_mask(self.order)))
 
     def stress_error(self, stress: Floats, length: float) -> float:
         error = self.controlled_stresses @ stress - self.targets(length)

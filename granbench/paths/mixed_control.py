@@ -9,15 +9,7 @@ import numpy as np
 
 from granbench.errors import ConfigurationError
 from granbench.paths.programme import Floats, LoadingProgramme
-from granbench.tensors import COMPONENT_ORDERS, normal_mask
-
-DIRECTIONS = {
-    "principal": {"11": "11", "22": "22", "33": "33"},
-    "plane": {"11": "yy", "33": "xx"},
-    "full": {"11": "yy", "22": "zz", "33": "xx"},
-}
-"""Where the directions of a principal programme lie in each order: the axial one is y, which
-points up, the minor one is x, and the intermediate one points out of the plane."""
+from granbench.tensors import COMPONENT_ORDERS, PRINCIPAL_DIRECTIONS, normal_mask
 
 
 @dataclass(frozen=True)
@@ -87,7 +79,7 @@ class MixedControl:
         programme : what is prescribed
         lengths : (step,), driving lengths, the first zero; they may fall, and be negative, where
             the programme has a driving component
-        order : component order, see `DIRECTIONS`
+        order : component order, a key of `granbench.tensors.COMPONENT_ORDERS`
 
         Raises
         ------
@@ -149,7 +141,7 @@ class MixedControl:
 
 def _placing(source: str, target: str) -> Floats:
     """Matrix (component of `target`, component of `source`) that moves components over."""
-    names = DIRECTIONS[target] if source == "principal" else {}
+    names = PRINCIPAL_DIRECTIONS[target] if source == "principal" else {}
     return np.array(
         [
             [float(names.get(label, label) == own) for label in COMPONENT_ORDERS[source]]

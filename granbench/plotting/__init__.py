@@ -5,10 +5,10 @@ from granbench.plotting.dataset import (
     critical_state_figure,
     cyclic_figure,
     dataset_figure,
-    pi_plane_figure,
     preparation_figure,
 )
 from granbench.plotting.packing import packing_figure
+from granbench.plotting.pi_plane import pi_plane_figure
 from granbench.plotting.plane import (
     increment_figure,
     strain_path_figure,

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter, NullLocator
 
@@ -25,15 +24,12 @@ from granbench.records.observations import (
     comparable_compressions,
     critical_states,
     initial_void_ratio_at,
-    matsuoka_nakai_ratio,
     named_paths,
-    peak_stresses,
-    principal_stress,
     select,
     stress_ratio,
 )
 from granbench.records.turning_points import shown_rows
-from granbench.tensors import deviatoric_stress, mean_stress, pi_plane
+from granbench.tensors import mean_stress
 
 DOTS_PER_CURVE = 60
 COMPARED_PRESSURE = 0.5e6
@@ -113,7 +109,7 @@ def critical_state_figure(records: xr.Dataset) -> Figure:
         If no test is strained far enough.
     """
     states = critical_states(records)
-    _require_paths(states, records, "monotonic tests up to 30 % axial strain")
+    require_paths(states, records, "monotonic tests up to 30 % axial strain")
     names, colours = _gradings(states)
     figure, (axis,) = figure_grid(panel=(5.6, 3.8))
     for number, (name, colour) in enumerate(zip(names, colours, strict=True)):
@@ -137,75 +133,6 @@ def critical_state_figure(records: xr.Dataset) -> Figure:
     axis.set(xlabel="mean stress $p$ [MPa]", ylabel=VOID_RATIO, title="Critical state")
     axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), title="grading")
     return figure
-
-
-@house_style
-def pi_plane_figure(records: xr.Dataset) -> Figure:
-    """Peak and critical stresses in the deviatoric plane, divided by p, by b.
-
-    The line is the Matsuoka-Nakai surface through the median critical state of triaxial
-    compression.
-
-    Raises
-    ------
-    DatasetError
-        If there is no monotonic test.
-    """
-    peaks = peak_stresses(records)
-    _require_paths(peaks, records, "monotonic tests")
-    states = critical_states(records)
-    figure, axes = figure_grid(1, 2, share_x=True, share_y=True)
-    _, scale = ordered_colours(np.array([0.0, 1.0]))
-    panels = zip(axes, (peaks, states["stress"]), ("Peak", "Critical state"), strict=True)
-    for axis, stress, title in panels:
-        if stress.sizes["path"]:
-            x, y = pi_plane(stress.values / mean_stress(stress.values)[..., None])
-            axis.scatter(x, y, s=9, color=scale.to_rgba(stress["intermediate_stress_ratio"].values))
-        _draw_sextant(axis)
-        axis.set(title=title, xlabel=r"$(\sigma_{22}-\sigma_{33})/(\sqrt{2}\,p)$ [–]")
-        axis.set_aspect("equal")
-    axes[0].set_ylabel(r"$(2\sigma_{11}-\sigma_{22}-\sigma_{33})/(\sqrt{6}\,p)$ [–]")
-    compression = select(states, intermediate_stress_ratio=0.0)["stress"].values
-    if len(compression):
-        ratio = float(np.median(deviatoric_stress(compression) / mean_stress(compression)))
-        b = np.linspace(0.0, 1.0, 60)
-        x, y = pi_plane(principal_stress(b, matsuoka_nakai_ratio(b, ratio)))
-        for axis in axes:
-            axis.plot(x, y, color="0.4", linewidth=1.0, label="Matsuoka–Nakai, critical")
-        axes[0].legend(loc="lower right")
-    figure.colorbar(scale, ax=axes, label="intermediate stress ratio $b$ [–]")
-    return figure
-
-
-def _draw_sextant(axis: Axes) -> None:
-    """Axes of triaxial compression and extension, and circles of equal q/p."""
-    reach = 1.35
-    angle = np.linspace(np.pi / 6, np.pi / 2, 40)
-    for ratio in (0.4, 0.8, 1.2):
-        radius = np.sqrt(2.0 / 3.0) * ratio
-        axis.plot(
-            radius * np.cos(angle), radius * np.sin(angle), color="0.85", linewidth=0.7, zorder=0
-        )
-        axis.annotate(
-            f"$q/p$ = {ratio}",
-            (0.0, radius),
-            xytext=(-3, 0),
-            textcoords="offset points",
-            ha="right",
-            va="center",
-            fontsize=7,
-            color="0.4",
-        )
-    for direction in (np.pi / 2, np.pi / 6):
-        axis.plot(
-            [0.0, reach * np.cos(direction)],
-            [0.0, reach * np.sin(direction)],
-            color="0.6",
-            linewidth=0.8,
-            zorder=0,
-        )
-    axis.set(xlim=(-0.35, 1.15), ylim=(-0.05, 1.35))
-    axis.grid(False)
 
 
 @house_style
@@ -273,7 +200,7 @@ def cyclic_figure(records: xr.Dataset, *, tests: int = 3) -> Figure:
         If there is no cyclic test.
     """
     cyclic = select(records, loading_family="cyclic")
-    _require_paths(cyclic, records, "cyclic tests")
+    require_paths(cyclic, records, "cyclic tests")
     order = np.argsort(cyclic["initial_void_ratio"].values, kind="stable")
     rows = order[np.unique(np.linspace(0, len(order) - 1, tests).round().astype(int))]
     figure, axes = figure_grid(2, len(rows), panel=(3.2, 2.5), share_x=True, share_y=True)
@@ -308,7 +235,14 @@ def _gradings(records: xr.Dataset) -> tuple[list[str], list]:
     return names, colours
 
 
-def _require_paths(chosen: xr.Dataset | xr.DataArray, records: xr.Dataset, what: str) -> None:
+def require_paths(chosen: xr.Dataset | xr.DataArray, records: xr.Dataset, what: str) -> None:
+    """Refuse an empty choice of paths.
+
+    Raises
+    ------
+    DatasetError
+        Naming the dataset and the kind of tests that it lacks.
+    """
     if not chosen.sizes["path"]:
         raise DatasetError(
             f"{records.attrs.get('dataset', 'the dataset')} has no {what}, which this figure "

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from granbench.plotting.style import figure_grid, house_style, model_styles
 from granbench.tensors import (
-    COMPONENT_ORDERS,
     component_order,
     deviatoric_stress,
+    full_components,
     mean_stress,
     volumetric_strain,
 )
@@ -33,16 +33,13 @@ def path_invariants(
     -------
     p, q (path, step), Pa; volumetric strain (path, step), compression positive
     """
-    order = component_order(tuple(str(label) for label in answer["component"].values))
+    order = component_order(answer["component"].values)
     stress = answer["stress"].values.astype(np.float64)
     strain = answer["strain"].values.astype(np.float64)
     stress_order = order
     if order == "plane" and "out_of_plane_stress" in answer:
-        parts = dict(zip(COMPONENT_ORDERS["plane"], np.moveaxis(stress, -1, 0), strict=True))
-        parts["zz"] = answer["out_of_plane_stress"].values.astype(np.float64)
-        zero = np.zeros_like(parts["zz"])
-        stress_order = "full"
-        stress = np.stack([parts.get(label, zero) for label in COMPONENT_ORDERS["full"]], axis=-1)
+        zz = answer["out_of_plane_stress"].values.astype(np.float64)
+        stress, stress_order = full_components(stress, zz), "full"
     return (
         mean_stress(stress, stress_order),
         deviatoric_stress(stress, stress_order),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from granbench.fem.remarks import first_implausible_step, first_turned_step
 from granbench.plotting.paraview import element_means
 from granbench.plotting.style import figure_grid, house_style, model_styles
+from granbench.tensors import principal_difference
 
 SHADES = "cividis"
 """Its lightness rises evenly: it reads in grey."""
@@ -75,7 +76,7 @@ def draw_body(axis: Axes, dataset: xr.Dataset, step: int = -1, *, bar: bool = Tr
     step : output step
     bar : whether a colour bar is drawn
     """
-    shear = shear_strain(element_means(dataset.isel(step=[step]), "strain")[0])
+    shear = principal_difference(element_means(dataset.isel(step=[step]), "strain")[0])
     faces = PolyCollection(list(outlines(dataset, step)), array=100.0 * shear, cmap=SHADES, **EDGE)
     axis.add_collection(faces)
     axis.autoscale()
@@ -105,9 +106,3 @@ def outlines(dataset: xr.Dataset, step: int = -1) -> NDArray[np.float64]:
     nodes = dataset["node_position"].values + dataset["displacement"].values[step]
     corners = 3 if str(dataset.attrs["element"]).startswith("tri") else 4
     return np.asarray(nodes[dataset["element_nodes"].values[:, :corners]])
-
-
-def shear_strain(strain: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Difference of the principal strains in the plane, from strain (..., component)."""
-    xx, yy, xy = np.moveaxis(strain, -1, 0)
-    return np.asarray(np.hypot(xx - yy, 2.0 * xy))

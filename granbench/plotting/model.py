@@ -17,7 +17,6 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from granbench.errors import DatasetError
-from granbench.paths.mixed_control import DIRECTIONS
 from granbench.plotting.element_test import path_invariants
 from granbench.plotting.style import (
     LINE_STYLES,
@@ -26,7 +25,12 @@ from granbench.plotting.style import (
     house_style,
     ordered_colours,
 )
-from granbench.tensors import COMPONENT_ORDERS, component_order, frobenius_norm
+from granbench.tensors import (
+    COMPONENT_ORDERS,
+    PRINCIPAL_DIRECTIONS,
+    component_order,
+    frobenius_norm,
+)
 
 Floats = NDArray[np.float64]
 Corner = Literal["best", "upper left", "upper right", "lower left", "lower right"]
@@ -58,11 +62,11 @@ class Quantity:
 
 
 def _order(records: xr.Dataset) -> str:
-    return component_order(tuple(str(label) for label in records["component"].values))
+    return component_order(records["component"].values)
 
 
 def _component(records: xr.Dataset, variable: str, direction: str) -> Floats:
-    label = DIRECTIONS[_order(records)][direction]
+    label = PRINCIPAL_DIRECTIONS[_order(records)][direction]
     return np.asarray(records[variable].sel(component=label).values, dtype=np.float64)
 
 

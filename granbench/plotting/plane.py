@@ -21,10 +21,10 @@ from granbench.plotting.style import (
 from granbench.records.observations import named_paths
 from granbench.records.turning_points import shown_rows
 from granbench.tensors import (
-    COMPONENT_ORDERS,
     component_order,
     deviatoric_stress,
     frobenius_norm,
+    full_components,
     mean_stress,
 )
 
@@ -159,10 +159,7 @@ def _invariants(records: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     stress = records["stress"].values.astype(np.float64)
     if "out_of_plane_stress" not in records:
         return mean_stress(stress, "plane"), deviatoric_stress(stress, "plane")
-    known = dict(zip(COMPONENT_ORDERS["plane"], np.moveaxis(stress, -1, 0), strict=True))
-    known["zz"] = records["out_of_plane_stress"].values.astype(np.float64)
-    nothing = np.zeros(stress.shape[:-1])
-    full = np.stack([known.get(label, nothing) for label in COMPONENT_ORDERS["full"]], axis=-1)
+    full = full_components(stress, records["out_of_plane_stress"].values.astype(np.float64))
     return mean_stress(full, "full"), deviatoric_stress(full, "full")
 
 
@@ -183,7 +180,7 @@ def _first_of_splits(records: xr.Dataset) -> list[int]:
 
 
 def _require_plane(records: xr.Dataset) -> None:
-    order = component_order(tuple(map(str, records["component"].values)))
+    order = component_order(records["component"].values)
     if order != "plane":
         raise DatasetError(
             f"{records.attrs.get('dataset', 'the dataset')} has {order} components; this figure "

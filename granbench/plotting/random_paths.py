@@ -32,7 +32,7 @@ def random_path_figure(paths: xr.Dataset, shown: Sequence[str]) -> Figure:
         If a path is not there, or the strain not in the plane.
     """
     labels = [str(label) for label in paths["component"].values]
-    if component_order(tuple(labels)) != "plane":
+    if component_order(labels) != "plane":
         raise DatasetError("random paths are drawn in the plane; give strains in xx, yy, xy")
     names = [str(name) for name in paths["path_id"].values]
     if missing := [name for name in shown if name not in names]:

@@ -55,8 +55,8 @@ def table_rows(
     ------
     GranbenchError
         The given one, naming file and line: a row has another number of cells, there is text
-        between the rows, a second test begins below a repeated heading or a break, or there are too
-        many rows.
+        between the rows, a second test begins below a repeated heading or a break, or there are
+        too many rows.
     """
     count, separator = len(headings.names), headings.separator
     if count * (len(lines) - headings.first_row) > MOST_CELLS:

@@ -11,8 +11,8 @@ from granbench.baselines.linear_elastic import LinearElasticCell, fitted_moduli
 from granbench.benchmark.evaluation import predict
 from granbench.benchmark.predictions import quantise
 from granbench.cells.baseline import TrainingRequest, baseline_names, find_baseline
-from granbench.cells.candidate import find_candidate
 from granbench.cells.contract import Conditions
+from granbench.cells.find import UntrainedBaselineError, find_cells
 from granbench.data.adapters import conditions_of, history_of
 from granbench.errors import ModelError
 
@@ -40,27 +40,27 @@ def test_what_has_nothing_to_train_says_so(records: xr.Dataset, tmp_path, name: 
 
 @pytest.mark.parametrize("name", ["lstm", "mlstm"])
 def test_what_has_to_be_trained_says_so(records: xr.Dataset, name: str) -> None:
-    with pytest.raises(ModelError, match="trained"):
-        find_candidate(name, records)
+    with pytest.raises(UntrainedBaselineError, match=name):
+        find_cells(name, records)
 
 
 def test_oracle_is_exact_under_every_protocol(records: xr.Dataset) -> None:
     # In another order than it was shown them, so that positions do not help.
     asked = records.isel(path=np.random.default_rng(0).permutation(records.sizes["path"])[:9])
-    predictions = predict({0: find_candidate("oracle", records).cell}, asked)
+    predictions = predict({0: find_cells("oracle", records).cell}, asked)
     for name in ("stress", "void_ratio"):
         truth = quantise(asked[name].values)
         assert (predictions[name].values == truth).all()
 
 
 def test_oracle_refuses_a_path_that_it_was_not_shown(records: xr.Dataset) -> None:
-    cell = find_candidate("oracle", records.isel(path=slice(0, 3))).cell
+    cell = find_cells("oracle", records.isel(path=slice(0, 3))).cell
     with pytest.raises(ModelError, match="whole dataset"):
         cell.initial_state(conditions_of(records))
 
 
 def test_persistence_stays_where_it_was(records: xr.Dataset) -> None:
-    cell = find_candidate("persistence", records).cell
+    cell = find_cells("persistence", records).cell
     history = history_of(records)
     result = cell.rollout(history.strain, history.conditions)
     assert (result.stress == history.stress[:, :1]).all()
@@ -97,7 +97,7 @@ def test_scatter_about_elasticity_does_not_bias_the_moduli() -> None:
 
 def test_void_ratio_follows_the_volume_exactly(records: xr.Dataset) -> None:
     """However the strain is divided into steps, 1 + e = (1 + e0) exp(-eps_v)."""
-    cell = find_candidate("linear-elastic", records).cell
+    cell = find_cells("linear-elastic", records).cell
     history = history_of(records)
     result = cell.rollout(history.strain, history.conditions)
     initial = history.conditions.require("initial_void_ratio")[:, None]
@@ -114,5 +114,5 @@ def test_moduli_need_strain_in_volume_and_shape() -> None:
 def test_linear_elastic_reads_only_the_training_split(records: xr.Dataset) -> None:
     spoilt = records.copy(deep=True)
     spoilt["stress"][records["split"].values != "train"] *= 3.0
-    honest, same = (find_candidate("linear-elastic", ds).cell for ds in (records, spoilt))
+    honest, same = (find_cells("linear-elastic", ds).cell for ds in (records, spoilt))
     assert (honest.bulk_modulus, honest.shear_modulus) == (same.bulk_modulus, same.shear_modulus)

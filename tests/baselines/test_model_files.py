@@ -16,7 +16,7 @@ from granbench.baselines.training.model_files import (
     ModelDescription,
     write_model,
 )
-from granbench.cells.candidate import find_candidate
+from granbench.cells.find import find_cells
 from granbench.errors import ModelError
 
 ARCHITECTURE = RecurrentConfiguration(initial_layer=True)
@@ -37,7 +37,7 @@ def edit(model: Path, **changes: object) -> None:
 
 
 def test_weights_come_back_bit_for_bit(model: Path, records: xr.Dataset) -> None:
-    cell = find_candidate(str(model), records).cell
+    cell = find_cells(str(model), records).cell
     assert cell.name == "mlstm"
     for name, tensor in BASELINE.seeded_network(ARCHITECTURE, seed=0).state_dict().items():
         assert torch.equal(tensor, cell.network.state_dict()[name])
@@ -59,10 +59,10 @@ def test_loading_a_pickle_executes_nothing(
     mark = tmp_path / "executed"
     (model / WEIGHTS_FILE).write_bytes(pickle.dumps(Trap(mark)))
     with pytest.raises(ModelError, match=r"model\.safetensors"):
-        find_candidate(str(model), records)
+        find_cells(str(model), records)
     torch.save({"weights": Trap(mark)}, model / WEIGHTS_FILE)
     with pytest.raises(ModelError, match=r"model\.safetensors"):
-        find_candidate(str(model), records)
+        find_cells(str(model), records)
     assert not mark.exists()
 
 
@@ -71,7 +71,7 @@ def test_truncated_weights_are_refused(model: Path, records: xr.Dataset, keep: i
     whole = (model / WEIGHTS_FILE).read_bytes()
     (model / WEIGHTS_FILE).write_bytes(whole[:keep])
     with pytest.raises(ModelError, match=r"model\.safetensors.*damaged"):
-        find_candidate(str(model), records)
+        find_cells(str(model), records)
 
 
 def test_one_flipped_bit_is_noticed(model: Path, records: xr.Dataset) -> None:
@@ -79,32 +79,32 @@ def test_one_flipped_bit_is_noticed(model: Path, records: xr.Dataset) -> None:
     content[-3] ^= 1
     (model / WEIGHTS_FILE).write_bytes(content)
     with pytest.raises(ModelError, match=r"model\.safetensors.*SHA-256"):
-        find_candidate(str(model), records)
+        find_cells(str(model), records)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"baseline": "mlstm"}'])
 def test_damaged_description_is_refused(model: Path, records: xr.Dataset, text: str) -> None:
     (model / DESCRIPTION_FILE).write_text(text)
     with pytest.raises(ModelError, match=r"model\.json.*(damaged|JSON)"):
-        find_candidate(str(model), records)
+        find_cells(str(model), records)
 
 
 def test_weights_of_another_architecture_are_refused(model: Path, records: xr.Dataset) -> None:
     edit(model, configuration=ARCHITECTURE.as_dict() | {"hidden": 51})
     with pytest.raises(ModelError, match=r"model\.safetensors"):
-        find_candidate(str(model), records)
+        find_cells(str(model), records)
 
 
 def test_unknown_setting_is_refused(model: Path, records: xr.Dataset) -> None:
     edit(model, configuration={"initial_layer": True, "import": "os"})
     with pytest.raises(ModelError, match="import"):
-        find_candidate(str(model), records)
+        find_cells(str(model), records)
 
 
 def test_model_of_an_unregistered_baseline_is_refused(model: Path, records: xr.Dataset) -> None:
     edit(model, baseline="os.system")
     with pytest.raises(ModelError, match="unknown baseline"):
-        find_candidate(str(model), records)
+        find_cells(str(model), records)
 
 
 def test_model_of_another_baseline_is_refused(model: Path, records: xr.Dataset) -> None:
@@ -115,11 +115,11 @@ def test_model_of_another_baseline_is_refused(model: Path, records: xr.Dataset) 
 
 def test_folder_without_a_model_is_refused(tmp_path: Path, records: xr.Dataset) -> None:
     with pytest.raises(ModelError, match=r"model\.json"):
-        find_candidate(str(tmp_path), records)
+        find_cells(str(tmp_path), records)
     with pytest.raises(ModelError, match=r"model\.json"):
         BASELINE.load(tmp_path, records)
 
 
 def test_records_without_void_ratio_are_refused(model: Path, records: xr.Dataset) -> None:
     with pytest.raises(ModelError, match="'void_ratio' is missing"):
-        find_candidate(str(model), records.drop_vars("void_ratio"))
+        find_cells(str(model), records.drop_vars("void_ratio"))

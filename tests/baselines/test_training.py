@@ -22,7 +22,7 @@ from granbench.baselines.training.history import read_history
 from granbench.baselines.training.model_files import WEIGHTS_FILE
 from granbench.baselines.training.progress import TRAINING_FILE
 from granbench.cells.baseline import TrainingRequest
-from granbench.cells.candidate import find_candidate
+from granbench.cells.find import find_cells
 from granbench.errors import ConfigurationError, ModelError, RegistryError
 from granbench.records import open_records, write_records
 
@@ -78,7 +78,7 @@ def test_the_trained_cell_has_the_validation_loss_of_its_best_epoch(
     records: xr.Dataset, tmp_path: Path
 ) -> None:
     folder = MLSTM.train(TrainingRequest(records, tmp_path, epochs=3))
-    cell = find_candidate(str(folder), records).cell
+    cell = find_cells(str(folder), records).cell
     validation = records.isel(path=records["split"].values == "validation")
     source = recurrent_records.window_source(
         validation, cell.network.scaling, 20, torch.device("cpu")

@@ -10,7 +10,7 @@ from small_cells import Oracle, Persistence
 from granbench.benchmark.axes.cost.predict import POINTS
 from granbench.benchmark.evaluation import predict
 from granbench.benchmark.predictions import evaluated
-from granbench.cells.candidate import Candidate, find_candidate
+from granbench.cells.find import FoundModel, find_cells
 
 
 def test_model_and_ground_truth_are_timed_together() -> None:
@@ -64,7 +64,7 @@ def test_looking_up_is_no_update(records) -> None:
 
 def test_a_published_model_brings_its_parameters() -> None:
     records = plane_records()
-    candidate: Candidate = find_candidate("j2", records)
+    candidate: FoundModel = find_cells("j2", records)
     found = predict(candidate.cells, evaluated(records), ["cost"])
     assert (found["parameters"] == 3.0).all()
     # One cell for all seeds is timed once.

@@ -34,15 +34,15 @@ from granbench.benchmark.axes.physics.checks import (
 from granbench.benchmark.axes.physics.energy import cycle_work
 from granbench.benchmark.axes.physics.symmetry import asymmetry, exchanges, turn
 from granbench.benchmark.axes.physics.tangent import tangent_errors
+from granbench.benchmark.comparison import CEILING
 from granbench.benchmark.evaluation import predict
-from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import PHYSICS_OBSTACLES, evaluated
 from granbench.benchmark.scorecard import Scorecard
-from granbench.benchmark.statistics import CEILING
-from granbench.cells.candidate import find_candidate
+from granbench.benchmark.scoring import score
 from granbench.cells.contract import Conditions, MaterialCell, ModuleCell, StateLayout
+from granbench.cells.find import find_cells
 from granbench.data.normalisation import Normalisation
-from granbench.generators.classical.design import GROUND_TRUTHS
+from granbench.generators.classical.design import DATASETS
 from granbench.models import find_model
 
 
@@ -70,13 +70,13 @@ def applicable(card: Scorecard) -> set[str]:
     return {name for name in CHECKS if values(card, "violation_worst")[name] is not None}
 
 
-QUICK = [name for name in GROUND_TRUTHS if name != "gp-csuh"]
+QUICK = [name for name in DATASETS if name != "gp-csuh"]
 
 
 @pytest.mark.parametrize("name", [*QUICK, pytest.param("gp-csuh", marks=pytest.mark.slow)])
 def test_classical_models_pass_every_check_on_their_own_task(name: str) -> None:
     records = plane_records(name)
-    model = find_model(GROUND_TRUTHS[name].model)()
+    model = find_model(DATASETS[name].model)()
     card = physics_card(model, records)
     passed = applicable(card)
     assert passed == set(CHECKS) - (set() if model.pressure_dependent else {"compression"})
@@ -106,7 +106,7 @@ def test_ten_lines_of_linear_elasticity_pass(dtype: torch.dtype) -> None:
 def test_floors_pass() -> None:
     records = plane_records()
     for floor in ("persistence", "linear-elastic"):
-        assert violated(find_candidate(floor, records).cell, records) == set()
+        assert violated(find_cells(floor, records).cell, records) == set()
 
 
 LAWLESS: dict[str, tuple[Callable[[], MaterialCell], set[str]]] = {

@@ -10,20 +10,21 @@ import xarray as xr
 from plane_records import plane_records
 
 from granbench.baselines.linear_elastic import fitted_moduli
+from granbench.benchmark.axes.along_paths.protocols import NOISE_PROTOCOLS, PROTOCOLS
 from granbench.benchmark.evaluation import predict
-from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import evaluated
-from granbench.benchmark.protocols import AXES, NOISE_PROTOCOLS, PROTOCOLS
+from granbench.benchmark.registry import axis_names
 from granbench.benchmark.scorecard import Scorecard
-from granbench.cells.candidate import find_candidate
+from granbench.benchmark.scoring import score
 from granbench.cells.contract import Conditions, MaterialCell
+from granbench.cells.find import find_cells
 from granbench.data.adapters import conditions_of
 from granbench.data.normalisation import Normalisation
-from granbench.generators.classical.design import GROUND_TRUTHS
+from granbench.generators.classical.design import DATASETS
 from granbench.models import find_model
 
 
-def card(cell: MaterialCell, records: xr.Dataset, axes: Iterable[str] = AXES) -> Scorecard:
+def card(cell: MaterialCell, records: xr.Dataset, axes: Iterable[str] = axis_names()) -> Scorecard:
     scored = evaluated(records)
     return score(predict({0: cell}, scored, axes), scored, Normalisation.from_training(records))
 
@@ -33,10 +34,10 @@ def values(card: Scorecard, metric: str = "stress_mse_mean") -> dict[str, float 
     return {name: card.find(name, "test", metric).value for name in PROTOCOLS}
 
 
-@pytest.mark.parametrize("name", GROUND_TRUTHS)
+@pytest.mark.parametrize("name", DATASETS)
 def test_oracle_scores_exactly_zero_on_every_axis(name: str) -> None:
     records = plane_records(name)
-    result = card(find_candidate("oracle", records).cell, records)
+    result = card(find_cells("oracle", records).cell, records)
     assert result.perfect
     scored = {item.protocol for item in result.scores if item.status == "scored"}
     assert scored == {*PROTOCOLS, "cost"}  # it has no parameters
@@ -45,7 +46,7 @@ def test_oracle_scores_exactly_zero_on_every_axis(name: str) -> None:
     assert all("reads its answers from the records" in item.reason for item in of_physics)
 
 
-@pytest.mark.parametrize("name", GROUND_TRUTHS)
+@pytest.mark.parametrize("name", DATASETS)
 def test_the_ground_truth_repeats_its_own_paths(name: str) -> None:
     """From the start and from any recorded state.
 
@@ -63,7 +64,7 @@ def test_the_ground_truth_repeats_its_own_paths(name: str) -> None:
 
 def test_the_ground_truth_follows_the_noise_as_any_model_does() -> None:
     """It leaves the clean truth, the more the louder the noise, and never the recomputed one."""
-    result = card(find_candidate("j2", plane_records()).cell, plane_records())
+    result = card(find_cells("j2", plane_records()).cell, plane_records())
     noised = [values(result)[name] for name in NOISE_PROTOCOLS]
     assert 1e-4 < noised[0] < noised[1] < noised[2]
     assert set(values(result, "failed_share").values()) == {0.0}
@@ -74,25 +75,25 @@ def test_the_ground_truth_follows_the_noise_as_any_model_does() -> None:
 
 def test_an_elastic_floor_is_off_the_recomputed_truth() -> None:
     records = plane_records()
-    result = card(find_candidate("linear-elastic", records).cell, records, ["noise"])
+    result = card(find_cells("linear-elastic", records).cell, records, ["noise"])
     errors = [result.find(name, "test", "recomputed_mse_mean").value for name in NOISE_PROTOCOLS]
     assert all(0.01 < error < 100.0 for error in errors)
 
 
 def test_the_oracle_cannot_say_what_would_have_been() -> None:
     records = plane_records()
-    result = card(find_candidate("oracle", records).cell, records, ["noise"])
+    result = card(find_cells("oracle", records).cell, records, ["noise"])
     found = result.find("noise-1.0", "test", "recomputed_mse_mean")
     assert found.status == "not_applicable" and "reads its answers" in found.reason
     assert result.find("noise-1.0", "test", "stress_mse_worst").value == 0.0
 
 
 @pytest.mark.parametrize("floor", ["persistence", "linear-elastic"])
-@pytest.mark.parametrize("name", GROUND_TRUTHS)
+@pytest.mark.parametrize("name", DATASETS)
 def test_floors_run_on_every_protocol(name: str, floor: str) -> None:
     records = plane_records(name)
     axes = {spec.axis for spec in PROTOCOLS.values()}
-    result = card(find_candidate(floor, records).cell, records, axes)
+    result = card(find_cells(floor, records).cell, records, axes)
     assert all(value > 0.0 for value in values(result).values())
     assert set(values(result, "failed_share").values()) == {0.0}
     with_voids = "void_ratio" in records
@@ -102,7 +103,7 @@ def test_floors_run_on_every_protocol(name: str, floor: str) -> None:
 
 def test_persistence_keeps_the_stress_of_the_start() -> None:
     records = plane_records()
-    cell = find_candidate("persistence", records).cell
+    cell = find_cells("persistence", records).cell
     predicted = predict({0: cell}, evaluated(records), ["rollout"])["stress"].values
     assert (predicted == 0.0).all()  # the paths start without stress
 
@@ -118,7 +119,7 @@ def test_moduli_of_elastic_paths_are_those_of_the_model() -> None:
     expected = (cell.values()["bulk_modulus"], cell.values()["shear_modulus"])
     assert fitted_moduli(strain, stress, "plane") == pytest.approx(expected, rel=1e-10)
     elastic = records.assign(stress=(records["stress"].dims, stress.astype(np.float32)))
-    floor = find_candidate("linear-elastic", elastic).cell
+    floor = find_cells("linear-elastic", elastic).cell
     assert values(card(floor, elastic))["rollout"] < 1e-9  # moduli from single precision
 
 

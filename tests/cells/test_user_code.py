@@ -1,4 +1,4 @@
-"""What user code can do wrong on its way to a cell: one sentence with the line of its own file."""
+"""What user code can do wrong when it makes a cell: one sentence with the line of its own file."""
 
 import subprocess
 import sys
@@ -8,7 +8,7 @@ import pytest
 import torch
 import xarray as xr
 
-from granbench.cells.candidate import find_candidate
+from granbench.cells.find import find_cells
 from granbench.cells.user_code import LONGEST_REASON, failure_location, user_code
 from granbench.errors import ConfigurationError, ModelError
 
@@ -85,7 +85,7 @@ def test_a_failure_is_one_sentence_with_the_line_of_the_users_file(
 ) -> None:
     body, kind, line = FAILING[case]
     with pytest.raises(ModelError) as failed:
-        find_candidate(written(HEAD + body), records)
+        find_cells(written(HEAD + body), records)
     text = str(failed.value)
     assert kind in text
     assert f"at own_model.py line {line}" in text
@@ -98,7 +98,7 @@ def test_a_factory_that_makes_no_cell_says_what_to_return(
 ) -> None:
     body, remedy = RETURNING[case]
     with pytest.raises(ModelError, match=remedy):
-        find_candidate(written(HEAD + NET + body), records)
+        find_cells(written(HEAD + NET + body), records)
 
 
 @pytest.mark.parametrize(
@@ -112,15 +112,15 @@ def test_a_factory_that_makes_no_cell_says_what_to_return(
 def test_a_module_that_is_not_there(model: str, remedy: str, written, records: xr.Dataset) -> None:
     written(HEAD)
     with pytest.raises(ModelError, match=rf"there is no module.*{remedy}"):
-        find_candidate(model, records)
+        find_cells(model, records)
 
 
 def test_new_weights_follow_from_the_seed(written, records: xr.Dataset) -> None:
-    """A factory that heeds no seed makes the same weights again for the same seed."""
+    """A factory that takes no seed makes the same weights again for the same seed."""
     body = "def cell():\n    return ModuleCell(torch.nn.Bilinear(3, 3, 3), name='new')"
     model = written(HEAD + body)
     state = torch.get_rng_state()
-    first, second = (find_candidate(model, records, seeds=(4, 5)) for _ in range(2))
+    first, second = (find_cells(model, records, seeds=(4, 5)) for _ in range(2))
     for seed in (4, 5):
         assert torch.equal(first.cells[seed].module.weight, second.cells[seed].module.weight)
     assert not torch.equal(first.cells[4].module.weight, first.cells[5].module.weight)
@@ -129,7 +129,7 @@ def test_new_weights_follow_from_the_seed(written, records: xr.Dataset) -> None:
 
 def test_what_user_code_prints_is_not_the_output(written, records: xr.Dataset, capsys) -> None:
     body = "print('loaded')\ndef cell():\n    print('made')\n    return ModuleCell(Net(), name='n')"
-    find_candidate(written(HEAD + NET + body), records)
+    find_cells(written(HEAD + NET + body), records)
     captured = capsys.readouterr()
     assert captured.out == ""
     assert "loaded" in captured.err and "made" in captured.err

@@ -266,10 +266,10 @@ def test_interrupted_run_keeps_its_output_so_far(fem, cell, code):
         ),
         (("biaxial", "--cell", "j2", "--outputs", "0"), ["--outputs 0: give 1 or more"]),
         (("biaxial", "--cell", "j2", "--damping", "-1"), ["damping is -1; give 0 to"]),
-        (("biaxial", "--cell", "j2", "--choose", "cyclic"), ["give NAME=VALUE, as cycles=cyclic"]),
+        (("biaxial", "--cell", "j2", "--choose", "cyclic"), ["'cyclic' is not a choice"]),
         (("biaxial", "--cell", "j2", "--choose", "cycles=many"), ["choose monotonic or cyclic"]),
         (("biaxial", "--cell", "j2", "--choose", "speed=fast"), ["speed=fast: give a number"]),
-        (("biaxial", "--cell", "j2", "--choose", "wall=rough"), ["no choice of 'wall'"]),
+        (("biaxial", "--cell", "j2", "--choose", "wall=rough"), ["no choice 'wall'"]),
         (
             ("biaxial", "--cell", "j2", "--choose", "end_strain=10"),
             ["end_strain=10: is this 10 %?", "0.2 for 20 %"],
@@ -288,7 +288,7 @@ def test_interrupted_run_keeps_its_output_so_far(fem, cell, code):
             ("biaxial", "--cell", "j2", "--choose", "confinement=random:x"),
             ["give a pressure in Pa, or random:V_C:SEED"],
         ),
-        (("retaining-wall", "--cell", "j2", "--choose", "weight=5"), ["weight=5: give one of"]),
+        (("retaining-wall", "--cell", "j2", "--choose", "weight=5"), ["weight=5"]),
         (("biaxial", "--cell", "csuh", "--choose", "confinement=0"), ["p0 above zero"]),
         (("biaxial", "--cell", "csuh", "--e0", "3"), ["void ratio of 3.0000", "loosest"]),
         (("biaxial", "--cell", "j2", "--ocr", "3"), ["--ocr is given, but j2 makes no use of it"]),
@@ -298,7 +298,7 @@ def test_interrupted_run_keeps_its_output_so_far(fem, cell, code):
         ),
         (
             ("biaxial", "--cell", "j2", "--choose", "ends=smooth", "--choose", "ends=rough"),
-            ["ends is chosen twice; leave one of them out"],
+            ["ends is given twice"],
         ),
         (("biaxial", "--cell", "persistence"), ["has no stiffness at the start", "modulus"]),
     ],
@@ -319,7 +319,7 @@ def test_load_path_of_a_file_is_one_load_step_a_row_at_least(fem, tmp_path):
         # Hooke's law: the reaction follows the displacement, forth and back.
         reaction = found["reaction"].values / found["reaction"].values[1]
         assert reaction == pytest.approx([0.0, 1.0, 0.5, 1.5])
-    refused(fem(*words, "--choose", "cycles=cyclic"), "the load path says", "leave out cycles")
+    refused(fem(*words, "--choose", "cycles=cyclic"), "load_path", "cycles")
     (tmp_path / "path.csv").write_text("time,displacement\n0,0\n2,2e-3\n1,1e-3\n")
     refused(fem(*words), "path.csv", "not monotone in time: entry 2 is at 1 s after 2 s")
     (tmp_path / "path.csv").write_text("time [s],displacement [m]\n0,0\n1,2\n2,1\n3,3\n")

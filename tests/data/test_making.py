@@ -13,7 +13,7 @@ from granbench.data.fetch import checkout_datasets
 from granbench.data.registry import entries
 from granbench.data.store import bring, dataset_file, default_dataset, load, making_folder
 from granbench.errors import DatasetError, DownloadError
-from granbench.generators.catalogue import GENERATORS
+from granbench.generators.find import dataset_names
 from granbench.records import open_records, verify, write_records
 
 REGISTERED = {entry.id: entry for entry in entries()}
@@ -149,10 +149,10 @@ def test_a_mirror_goes_before_making(shelf):
 def test_every_registered_dataset_can_be_had_by_someone_who_has_the_wheel_alone():
     for entry in entries():
         if entry.tier == "core":
-            assert entry.id in GENERATORS
-            assert making.how_to_make(entry)
+            assert entry.id in dataset_names()
+            assert making.how_to_make(entry) is not None
     at_once = {entry.id for entry in entries() if making.is_made_at_once(entry)}
-    assert at_once == {name for name in GENERATORS if name.startswith("gp-")}
+    assert at_once == {name for name in dataset_names() if name.startswith("gp-")}
     asked = {entry.id for entry in entries() if making.is_made_on_request(entry)} - at_once
     assert asked == {"fem-ime", "fem-csuh"}
 

@@ -13,7 +13,7 @@ from page_parts import markers, write_picture
 from test_pages import ROOT, blocks, printed, run_command
 
 from granbench.fem import PROBLEMS, run
-from granbench.fem.drawing import problem_figure
+from granbench.plotting.problem import problem_figure
 
 PAGE = "docs/fem.md"
 EXAMPLE = "docs/examples/footing_on_a_model.py"

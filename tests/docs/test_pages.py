@@ -67,7 +67,7 @@ def script(path: str) -> ModuleType:
 
 
 def test_python_on_the_first_page_runs(tmp_path: Path) -> None:
-    loading, model = blocks("README.md", "python")
+    model, loading = blocks("README.md", "python")
     done = subprocess.run(
         [sys.executable, "-c", loading], capture_output=True, text=True, check=True
     )
@@ -76,7 +76,7 @@ def test_python_on_the_first_page_runs(tmp_path: Path) -> None:
 
 
 def test_a_model_of_ones_own_takes_fewer_than_ten_lines_and_is_scored(tmp_path: Path) -> None:
-    _, model = blocks("README.md", "python")
+    model, _ = blocks("README.md", "python")
     assert len([line for line in model.splitlines() if line.strip()]) < 10
     (tmp_path / "my_model.py").write_text(model)
     words = "evaluate my_model:cell --task dem-triaxial-mini --axis single-step --seeds 0 --quiet"
@@ -125,9 +125,13 @@ def test_mathematics_survives_markdown(page: str) -> None:
     assert [formula for formula in mathematics(page) if eaten.search(formula)] == []
 
 
-def test_scores_on_the_first_page_are_those_of_the_board() -> None:
-    pages = script("docs/readme_scores.py")
-    assert pages.readme() == (ROOT / "README.md").read_text(encoding="utf-8")
+def test_scores_on_the_page_are_those_of_the_board() -> None:
+    pages = script("docs/scores_page.py")
+    assert pages.scores_page() == (ROOT / "docs/scores.md").read_text(encoding="utf-8")
+
+
+def test_the_first_page_is_short() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 120
 
 
 def test_the_index_of_docs_lists_every_page() -> None:

@@ -148,18 +148,15 @@ def test_meshes_have_the_thesis_gauss_points(mesh: str, points: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("choices", "sentence"),
+    ("choices", "field"),
     [
-        ({"end_strain": 0.0}, "end_strain is 0; give one above 0 and up to"),
-        ({"speed": -1.0}, "speed is -1 m/s; give one above 0"),
-        ({"confinement": -1.0}, "confinement is -1 Pa; give a pressure"),
-        ({"cycles": "many"}, "cycles cannot be 'many'; choose monotonic or cyclic or"),
-        (
-            {"height": 2.0},
-            "no choice of 'height'; there is cycles, .*, load_path, ends",
-        ),
+        ({"end_strain": 0.0}, "end_strain"),
+        ({"speed": -1.0}, "speed"),
+        ({"confinement": -1.0}, "confinement"),
+        ({"cycles": "many"}, "cycles"),
+        ({"height": 2.0}, "'height'"),
     ],
 )
-def test_choice_out_of_range_is_refused(choices: dict, sentence: str) -> None:
-    with pytest.raises(ConfigurationError, match=sentence):
+def test_choice_out_of_range_is_refused(choices: dict, field: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"biaxial.*{field}"):
         find_problem("biaxial", **choices)

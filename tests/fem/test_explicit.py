@@ -104,7 +104,7 @@ def test_compression_is_positive_wherever_it_is_seen() -> None:
 
 
 def test_unstable_time_step_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="is unstable: this mesh and material need one"):
+    with pytest.raises(ConfigurationError, match="is unstable"):
         run(Biaxial(), MODELS["ime"](), solver=ExplicitSettings(time_step=1e-3), mesh="coarse")
     with pytest.raises(ConfigurationError, match="is unstable"):
         run(Biaxial(), MODELS["ime"](), solver=ExplicitSettings(safety=5.0), mesh="coarse")
@@ -148,7 +148,7 @@ def test_model_without_stiffness_asks_for_a_modulus() -> None:
             return stress + 0.0 * dstrain
 
     cell = ModuleCell(Slack(), name="slack", order="plane", dtype=torch.float64)
-    with pytest.raises(ConfigurationError, match="slack has no stiffness .* give its modulus"):
+    with pytest.raises(ConfigurationError, match="slack.*modulus"):
         run(Biaxial(), cell, mesh="coarse")
     settings = ExplicitSettings(modulus=2e7, outputs=5)
     assert run(Biaxial(end_strain=0.001), cell, solver=settings, mesh="coarse").failure is None
@@ -195,15 +195,13 @@ def test_file_that_cannot_be_written_is_one_sentence(tmp_path) -> None:
 
 
 def test_unknown_choices_are_named() -> None:
-    with pytest.raises(ConfigurationError, match="problem 'biaxal': did you mean 'biaxial'"):
+    with pytest.raises(ConfigurationError, match="'biaxal'.*'biaxial'"):
         run("biaxal", elastic_cell())
-    with pytest.raises(ConfigurationError, match="has no mesh 'fin': did you mean 'fine'"):
+    with pytest.raises(ConfigurationError, match="biaxial.*'fin'.*'fine'"):
         run("biaxial", elastic_cell(), mesh="fin")
-    with pytest.raises(ConfigurationError, match="unknown solver 'exact'; there are explicit and"):
+    with pytest.raises(ConfigurationError, match="'exact'"):
         run("biaxial", elastic_cell(), solver="exact")
-    with pytest.raises(ConfigurationError, match="ends cannot be 'sticky'; choose rough or smooth"):
+    with pytest.raises(ConfigurationError, match="ends.*'sticky'"):
         Biaxial(ends="sticky")
-    with pytest.raises(
-        ConfigurationError, match="an object of type int is not a material; give a MaterialCell"
-    ):
+    with pytest.raises(ConfigurationError, match="MaterialCell"):
         run("biaxial", 3)

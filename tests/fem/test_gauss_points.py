@@ -79,7 +79,7 @@ def test_start_is_known_to_the_cell() -> None:
 
 
 def test_cell_in_other_components_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="3 principal components .* plane strain needs xx"):
+    with pytest.raises(ConfigurationError, match="principal.*xx, yy, xy"):
         GaussPoints(MODELS["ime"](order="principal"), np.zeros((3, 3)), POSITIONS)
 
 
@@ -90,7 +90,7 @@ def test_stress_of_another_shape_is_refused() -> None:
 
     cell = ModuleCell(Wide(), name="wide", order="plane", dtype=torch.float64)
     points = GaussPoints(cell, np.zeros((3, 3)), POSITIONS)
-    with pytest.raises(CellFailure, match=r"stress of shape \(3, 6\); it must be \(3, 3\)"):
+    with pytest.raises(CellFailure, match=r"\(3, 6\).*\(3, 3\)"):
         points.step(DSTRAIN, 1)
 
 
@@ -156,7 +156,7 @@ def test_first_state_that_cannot_be_made_is_one_sentence() -> None:
         raise KeyError("void ratio")
 
     cell = ModuleCell(Faulty(boom), name="faulty", order="plane", start=start)
-    with pytest.raises(ModelError, match=r"faulty failed to make its first state with KeyError"):
+    with pytest.raises(ModelError, match=r"faulty.*KeyError"):
         run("biaxial", cell, mesh="coarse")
 
 

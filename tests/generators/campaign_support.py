@@ -1,4 +1,4 @@
-"""What the tests of the campaign executor share: campaigns of toy jobs, and looks at processes."""
+"""Campaigns of toy jobs, and checks of their processes, for the tests of the campaign executor."""
 
 import contextlib
 import subprocess
@@ -8,7 +8,12 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
+from pydantic import BaseModel
+
+from granbench.generators.assembly import Assembled
 from granbench.generators.campaign import CampaignReport, Job, run_campaign
+from granbench.generators.generator import Generator
 
 PATIENCE = 90.0
 
@@ -28,6 +33,42 @@ def waiting_jobs(shared: Path, count: int = 3) -> list[Job]:
         Job(f"wait-{i}", "toy_jobs:waits", {"shared": str(shared), "name": f"wait-{i}"}, i)
         for i in range(count)
     ]
+
+
+class ToyPreset(BaseModel):
+    name: str = "smoke"
+    version: str = "1.0.0"
+
+
+def waiting_generator(shared: Path) -> Generator:
+    """A generator of one dataset, `waiting`, whose jobs wait for the file `go` in `shared`."""
+    return Generator(
+        datasets={"waiting": None},
+        presets={"smoke": ToyPreset()},
+        jobs=lambda dataset, preset, seed: waiting_jobs(shared),
+        assemble=lambda dataset, preset, seed, results: waited(sorted(results)),
+    )
+
+
+def waited(names: list[str]) -> Assembled:
+    """Records of nothing but zeros, one path for each name."""
+    zeros = np.zeros((len(names), 2, 3), np.float32)
+    return Assembled(
+        order="principal",
+        series={"strain": zeros, "stress": zeros},
+        paths={
+            "path_id": names,
+            "specimen": names,
+            "split": ["train"] * len(names),
+            "loading_family": ["none"] * len(names),
+            "seed": np.arange(len(names)),
+        },
+        title="Nothing",
+        engine="none",
+        engine_version="1",
+        thesis_section="none",
+        configuration={},
+    )
 
 
 def quiet(jobs: list[Job], folder: Path, **options) -> CampaignReport:

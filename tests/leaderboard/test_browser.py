@@ -16,6 +16,8 @@ from granbench.leaderboard.board import Row
 from granbench.leaderboard.build import build
 from granbench.leaderboard.submission import read_submission
 
+pytestmark = pytest.mark.browser
+
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 
 

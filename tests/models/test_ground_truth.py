@@ -8,18 +8,18 @@ from plane_records import plane_records
 
 from granbench.benchmark.axes.along_paths.free_run import rollout
 from granbench.errors import DatasetError
-from granbench.generators.classical.design import GROUND_TRUTHS
+from granbench.generators.classical.design import DATASETS
 from granbench.models.ground_truth import ground_truth_cell, holds_no_tension
 from granbench.records.schema import GROUND_TRUTH
 
-QUICK = [name for name in GROUND_TRUTHS if name != "gp-csuh"]
+QUICK = [name for name in DATASETS if name != "gp-csuh"]
 
 
 @pytest.mark.parametrize("name", QUICK)
 def test_the_ground_truth_is_the_model_that_made_the_records(name):
     records = plane_records(name)
     cell = ground_truth_cell(records)
-    made_by = GROUND_TRUTHS[name].cell()
+    made_by = DATASETS[name].cell()
     assert (cell.name, cell.values()) == (made_by.name, made_by.values())
     # Records keep some digits only: 2^-16 of the stress, with the internals that a start takes.
     stress = rollout(cell, records)["stress"].detach().numpy()

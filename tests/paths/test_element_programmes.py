@@ -15,9 +15,9 @@ from granbench.paths.element import (
     SimpleShear,
     UndrainedTriaxial,
 )
-from granbench.paths.mixed_control import DIRECTIONS, MixedControl, isotropic_stress
+from granbench.paths.mixed_control import MixedControl, isotropic_stress
 from granbench.paths.standard_tests import STANDARD_TESTS, find_test, strain_history
-from granbench.tensors import COMPONENT_ORDERS, mean_stress
+from granbench.tensors import COMPONENT_ORDERS, PRINCIPAL_DIRECTIONS, mean_stress
 
 ELEMENT = (BiaxialCompression, DrainedSimpleShear, Oedometer, SimpleShear, UndrainedTriaxial)
 pressures = st.floats(1e3, 1e7)
@@ -81,10 +81,10 @@ def test_directions_keep_the_invariants():
     """A principal stress has the same mean wherever its directions are put."""
     stress = {"11": 5e5, "22": 3e5, "33": 1e5}
     for order in ("principal", "full"):
-        named = {DIRECTIONS[order][label]: value for label, value in stress.items()}
+        named = {PRINCIPAL_DIRECTIONS[order][label]: value for label, value in stress.items()}
         placed = np.array([named.get(label, 0.0) for label in COMPONENT_ORDERS[order]])
         assert mean_stress(placed, order) == pytest.approx(3e5)
-    assert "22" not in DIRECTIONS["plane"]  # out of the plane
+    assert "22" not in PRINCIPAL_DIRECTIONS["plane"]  # out of the plane
 
 
 def test_b_is_given_only_where_it_is_held():

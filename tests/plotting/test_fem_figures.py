@@ -6,10 +6,10 @@ import xarray as xr
 
 from granbench.fem import find_problem, run
 from granbench.models import MODELS
-from granbench.plotting.fem import analysis_figure, outlines, shear_strain
+from granbench.plotting.fem import analysis_figure, outlines
 from granbench.plotting.paraview import element_means
 from granbench.plotting.style import model_styles
-from granbench.tensors import deviatoric_stress
+from granbench.tensors import deviatoric_stress, principal_difference
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def test_curves_and_body_are_those_of_the_analysis(found: xr.Dataset) -> None:
         assert line.get_color() == model_styles(["j2"])["j2"].colour
         assert axis.get_ylabel().endswith("]") and axis.get_xlabel().endswith("]")
     (faces,) = body.collections
-    shear = shear_strain(element_means(found.isel(step=[-1]), "strain")[0])
+    shear = principal_difference(element_means(found.isel(step=[-1]), "strain")[0])
     np.testing.assert_allclose(faces.get_array(), 100.0 * shear)
     assert bar.get_ylabel().endswith("[%]")
 
@@ -61,7 +61,7 @@ def test_outlines_follow_the_displacement(found: xr.Dataset) -> None:
     assert np.ptp(end[..., 1]) == pytest.approx(0.98)
 
 
-def test_shear_strain_is_the_difference_of_the_principal_strains() -> None:
+def test_principal_difference_is_the_difference_of_the_principal_strains() -> None:
     strain = np.random.default_rng(0).normal(size=(9, 3))
     # In the plane sqrt(2 e:e) of the deviator is that difference.
-    np.testing.assert_allclose(shear_strain(strain), deviatoric_stress(strain, "plane"))
+    np.testing.assert_allclose(principal_difference(strain), deviatoric_stress(strain, "plane"))

@@ -12,7 +12,6 @@ Gmsh reference manual, "MSH file format" and "Legacy formats".
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,6 +19,7 @@ import numpy as np
 
 from granbench.errors import ConfigurationError
 from granbench.fem.mesh_files.contents import ElementBlock, MeshContents, require_size
+from granbench.fem.mesh_files.gmsh_sections import DAMAGED, Numbers, header, sections
 
 POINT, LINES = 15, {1: 2, 8: 3}
 PLANE = {2: ("triangle", 3), 3: ("quadrangle", 4), 9: ("6-node triangle", 6),
@@ -28,85 +28,17 @@ PLANE = {2: ("triangle", 3), 3: ("quadrangle", 4), 9: ("6-node triangle", 6),
 SOLID = (4, 5, 6, 7, 11, 12, 13, 14, 17, 18, 19)
 
 NAME = re.compile(r'^\s*(\d)\s+(-?\d+)\s+"?(.*?)"?\s*$')
-DAMAGED = "the file is damaged or cut off; write it again"
 
 
 @dataclass
-class _Found:
-    """What the sections of a file have said so far."""
+class _Parsed:
+    """Content of the sections that have been read so far."""
 
     names: dict[tuple[int, int], str] = field(default_factory=dict)
     groups: dict[tuple[int, int], list[int]] = field(default_factory=dict)
     tags: np.ndarray | None = None
     nodes: np.ndarray | None = None
     elements: list[tuple[int, np.ndarray, list[int]]] = field(default_factory=list)
-
-
-class _Numbers:
-    """The numbers of one section in their order, of text or of binary data."""
-
-    def __init__(self, section: str, raw: bytes, order: str | None, size: int) -> None:
-        self.section, self.order, self.size = section, order, size
-        self.raw = raw
-        self.words = raw.split() if order is None else []
-        self.place = 0
-
-    def integers(self, count: int) -> np.ndarray:
-        """The next 4-byte integers."""
-        return self._next(count, "i4")
-
-    def counts(self, count: int) -> np.ndarray:
-        """The next integers of the size that the file's header says."""
-        return self._next(count, f"u{self.size}")
-
-    def count(self) -> int:
-        """The next integer of that size."""
-        return int(self.counts(1)[0])
-
-    def reals(self, count: int) -> np.ndarray:
-        """The next floating-point numbers."""
-        return self._next(count, "f8")
-
-    def _next(self, count: int, kind: str) -> np.ndarray:
-        if self.order is None:
-            if not 0 <= count <= len(self.words) - self.place:
-                raise self._short()
-            words = self.words[self.place : self.place + count]
-            self.place += count
-            try:
-                numbers = np.array(words, dtype="S").astype(float)
-            except ValueError:
-                raise ConfigurationError(
-                    f"section ${self.section} has {_first_word(words)!r} where a number belongs; "
-                    f"{DAMAGED}"
-                ) from None
-            if kind == "f8":
-                return numbers
-            whole = np.isfinite(numbers) & (numbers == np.round(numbers)) & (abs(numbers) < 2**53)
-            if not whole.all():
-                raise ConfigurationError(
-                    f"section ${self.section} has {numbers[~whole][0]:g} where a whole number "
-                    f"belongs; {DAMAGED}"
-                )
-            return numbers.astype(np.int64)
-        width = int(kind[1:])
-        if not 0 <= count <= (len(self.raw) - self.place) // width:
-            raise self._short()
-        found = np.frombuffer(self.raw, self.order + kind, count, self.place)
-        self.place += count * width
-        return found.astype(float if kind == "f8" else np.int64)
-
-    def _short(self) -> ConfigurationError:
-        return ConfigurationError(f"section ${self.section} has too few numbers; {DAMAGED}")
-
-
-def _first_word(words: list[bytes]) -> str:
-    for word in words:
-        try:
-            float(word)
-        except ValueError:
-            return word.decode("latin-1")[:40]
-    return "a word"
 
 
 def read_gmsh(path: Path) -> MeshContents:
@@ -119,10 +51,10 @@ def read_gmsh(path: Path) -> MeshContents:
         are not read.
     """
     raw = path.read_bytes()
-    found = _Found()
-    version, order, size, begin = _header(raw)
-    for section, content in _sections(raw, begin):
-        numbers = _Numbers(section, content, order, size)
+    found = _Parsed()
+    version, order, size, begin = header(raw)
+    for section, content in sections(raw, begin):
+        numbers = Numbers(section, content, order, size)
         if section == "PhysicalNames":
             _read_names(found, content)
         elif section == "Entities" and version == 4:
@@ -138,56 +70,7 @@ def read_gmsh(path: Path) -> MeshContents:
     return _contents(found)
 
 
-def _header(raw: bytes) -> tuple[int, str | None, int, int]:
-    """Major version, byte order (None for text), size of counts, and where sections begin."""
-    start = raw.find(b"$MeshFormat")
-    if start < 0:
-        if b"$NOD" in raw[:2000]:
-            raise ConfigurationError("is of MSH version 1; save it in Gmsh as version 4.1 or 2.2")
-        begin = raw[:30].split(b"\n")[0].decode("latin-1")
-        raise ConfigurationError(
-            f"is no Gmsh file: it begins with {begin!r} and has no section $MeshFormat; write it "
-            "with Gmsh, version 4.1 or 2.2"
-        )
-    line_end = raw.find(b"\n", start)
-    first, _, rest = raw[line_end + 1 :].partition(b"\n")
-    words = first.split()
-    try:
-        version, binary, size = float(words[0]), int(words[1]), int(words[2])
-    except (IndexError, ValueError):
-        raise ConfigurationError(f"section $MeshFormat is not one of Gmsh; {DAMAGED}") from None
-    if not (2.0 <= version < 3.0 or version == 4.1) or binary not in (0, 1) or size not in (4, 8):
-        raise ConfigurationError(
-            f"is of MSH version {words[0].decode('latin-1')[:20]}; save it in Gmsh as version 4.1 "
-            "or 2.2 (Mesh.MshFileVersion, or gmsh FILE -save -format msh41)"
-        )
-    order = None
-    if binary:
-        order = "<" if rest[:4] == b"\1\0\0\0" else ">"
-        if rest[:4] not in (b"\1\0\0\0", b"\0\0\0\1"):
-            raise ConfigurationError(f"says binary, but is not; {DAMAGED}")
-    return int(version), order, size, line_end + len(first) + 2
-
-
-def _sections(raw: bytes, begin: int) -> Iterator[tuple[str, bytes]]:
-    """Name and content of each section, those before $MeshFormat left out."""
-    mark = re.compile(rb"^\$([A-Za-z][A-Za-z0-9]*)[ \t]*\r?\n", re.MULTILINE)
-    end = raw.find(b"$EndMeshFormat", begin)
-    place = begin if end < 0 else end
-    while section := mark.search(raw, place):
-        name = section[1].decode()
-        if name.startswith("End"):
-            place = section.end()
-            continue
-        # Binary data may hold any bytes: the end is a line of its own.
-        close = raw.find(b"\n$End" + section[1], section.end() - 1)
-        if close < 0:
-            raise ConfigurationError(f"section ${name} has no end; {DAMAGED}")
-        yield name, raw[section.end() : close + 1]
-        place = close + 1
-
-
-def _read_names(found: _Found, content: bytes) -> None:
+def _read_names(found: _Parsed, content: bytes) -> None:
     try:
         text = content.decode("utf-8")
     except UnicodeDecodeError:
@@ -197,7 +80,7 @@ def _read_names(found: _Found, content: bytes) -> None:
             found.names[int(matched[1]), abs(int(matched[2]))] = matched[3]
 
 
-def _read_entities(found: _Found, numbers: _Numbers, *, partitioned: bool) -> None:
+def _read_entities(found: _Parsed, numbers: Numbers, *, partitioned: bool) -> None:
     """Physical groups of each entity, by its dimension and tag."""
     if partitioned:
         numbers.count()
@@ -218,7 +101,7 @@ def _read_entities(found: _Found, numbers: _Numbers, *, partitioned: bool) -> No
                 numbers.integers(numbers.count())
 
 
-def _read_nodes(found: _Found, numbers: _Numbers, content: bytes) -> None:
+def _read_nodes(found: _Parsed, numbers: Numbers, content: bytes) -> None:
     blocks, total, _, _ = map(int, numbers.counts(4))
     require_size(0, total)
     tags, nodes = [], []
@@ -232,12 +115,12 @@ def _read_nodes(found: _Found, numbers: _Numbers, content: bytes) -> None:
     found.nodes = np.concatenate(nodes) if nodes else np.zeros((0, 3))
 
 
-def _read_nodes_2(found: _Found, numbers: _Numbers, content: bytes) -> None:
+def _read_nodes_2(found: _Parsed, numbers: Numbers, content: bytes) -> None:
     if numbers.order is None:
         total = numbers.count()
         require_size(0, total)
         rows = numbers.reals(4 * total).reshape(total, 4)
-        tags = _Numbers(numbers.section, b"", None, 8)
+        tags = Numbers(numbers.section, b"", None, 8)
         tags.words = numbers.words[1 : 1 + 4 * total : 4]
         found.tags, found.nodes = tags.counts(total), rows[:, 1:]
         return
@@ -245,12 +128,12 @@ def _read_nodes_2(found: _Found, numbers: _Numbers, content: bytes) -> None:
     require_size(0, total)
     kind = np.dtype([("tag", numbers.order + "i4"), ("x", numbers.order + "f8", 3)])
     if total * kind.itemsize > len(content) - numbers.place:
-        raise numbers._short()
+        raise numbers.too_few()
     rows = np.frombuffer(content, kind, total, numbers.place)
     found.tags, found.nodes = rows["tag"].astype(np.int64), rows["x"].astype(float)
 
 
-def _counted_line(numbers: _Numbers, content: bytes) -> int:
+def _counted_line(numbers: Numbers, content: bytes) -> int:
     """The count in the first line of a binary section of version 2; numbers follow it."""
     line, _, _ = content.partition(b"\n")
     try:
@@ -263,7 +146,7 @@ def _counted_line(numbers: _Numbers, content: bytes) -> int:
     return count
 
 
-def _read_elements(found: _Found, numbers: _Numbers, content: bytes) -> None:
+def _read_elements(found: _Parsed, numbers: Numbers, content: bytes) -> None:
     blocks, _, _, _ = map(int, numbers.counts(4))
     for _ in range(blocks):
         dimension, entity, kind = map(int, numbers.integers(3))
@@ -273,7 +156,7 @@ def _read_elements(found: _Found, numbers: _Numbers, content: bytes) -> None:
         found.elements.append((kind, nodes, found.groups.get((dimension, entity), [])))
 
 
-def _read_elements_2(found: _Found, numbers: _Numbers, content: bytes) -> None:
+def _read_elements_2(found: _Parsed, numbers: Numbers, content: bytes) -> None:
     rows: dict[tuple[int, int], list[np.ndarray]] = {}
     if numbers.order is None:
         total = numbers.count()
@@ -288,7 +171,7 @@ def _read_elements_2(found: _Found, numbers: _Numbers, content: bytes) -> None:
         while done < total:
             kind, count, tag_count = map(int, numbers.integers(3))
             if count < 1 or tag_count < 0:
-                raise numbers._short()
+                raise numbers.too_few()
             width = 1 + tag_count + _nodes_of(kind)
             block = numbers.integers(count * width).reshape(count, width)
             groups = np.abs(block[:, 1]) if tag_count else np.zeros(count, np.int64)
@@ -322,7 +205,7 @@ def _nodes_of(kind: int) -> int:
     )
 
 
-def _contents(found: _Found) -> MeshContents:
+def _contents(found: _Parsed) -> MeshContents:
     for section, part in (("Nodes", found.nodes), ("Elements", found.elements or None)):
         if part is None:
             raise ConfigurationError(f"has no section ${section}; {DAMAGED}")

@@ -16,7 +16,7 @@ The reaction is the force of the top platen, per metre of thickness.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import ClassVar
 
@@ -52,7 +52,7 @@ class Biaxial(Problem):
     }
     choices: ClassVar[Mapping[str, tuple[str, ...]]] = {"ends": ("rough", "smooth")}
 
-    ends: str = "rough"
+    ends: str = field(default="rough", metadata={"meaning": "platens: rough or smooth"})
 
     @property
     def drive_length(self) -> float:

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import ClassVar, Self
 
 import numpy as np
 
 from granbench.cells.contract import MaterialCell
 from granbench.errors import ConfigurationError, alternatives
-from granbench.fem.iteration import ImplicitSettings
+from granbench.fem.implicit_settings import ImplicitSettings
 from granbench.fem.loading import Loading, LoadingHistory, Pressure
 from granbench.fem.mesh import Floats, PlaneMesh
 from granbench.fem.mesh_file import is_mesh_file, read_mesh
+from granbench.fem.operators import ORDER
 from granbench.fem.problems.body import require_body, with_boundaries_of
 from granbench.fem.time_step import ExplicitSettings
 from granbench.paths.confining_pressure import RandomConfinement
+from granbench.tensors import normal_mask
 from granbench.units.plausible import LARGEST_STRESS, SMALLEST_STRESS
 
 CYCLES: Mapping[str, tuple[float, ...]] = {
@@ -63,7 +65,9 @@ class Problem(abc.ABC):
     meshes : makers of its meshes by name
     default_mesh : a key of `meshes`
     b_bar : whether volumetric strains are averaged over elements
-    choices : names that a text choice of its own may have, by field
+    choices : allowed words of each field of its own that holds a word
+
+    Each field is a choice; its metadata say under `meaning` what it is, for the documentation.
 
     Raises
     ------
@@ -81,11 +85,21 @@ class Problem(abc.ABC):
     b_bar: ClassVar[bool] = False
     choices: ClassVar[Mapping[str, tuple[str, ...]]] = {}
 
-    cycles: str = "monotonic"
-    confinement: float | RandomConfinement | None = None
-    end_strain: float = 0.1
-    speed: float = 0.1
-    load_path: LoadingHistory | None = None
+    cycles: str = field(
+        default="monotonic",
+        metadata={"meaning": f"turning points: {', '.join(f'`{name}`' for name in CYCLES)}"},
+    )
+    confinement: float | RandomConfinement | None = field(
+        default=None, metadata={"meaning": "on free boundaries, Pa, or `random:V_C:SEED` (Eq 4.21)"}
+    )
+    end_strain: float = field(default=0.1, metadata={"meaning": "driving strain at the end"})
+    speed: float = field(default=0.1, metadata={"meaning": "of the drive, m/s"})
+    load_path: LoadingHistory | None = field(
+        default=None,
+        metadata={
+            "meaning": "CSV file of the drive, in place of `cycles`, `end_strain` and `speed`"
+        },
+    )
 
     def __post_init__(self) -> None:
         for name, known in {"cycles": tuple(CYCLES), **self.choices}.items():
@@ -138,14 +152,13 @@ class Problem(abc.ABC):
         positions : (point, direction), m
         density : kg/m3, of the weight
         """
-        return np.outer((1.0, 1.0, 0.0), np.full(len(positions), self.initial_pressure))
+        return np.outer(normal_mask(ORDER), np.full(len(positions), self.initial_pressure))
 
     def confined_for(self, cell: MaterialCell) -> Self:
         """The problem with the confinement that it has by default for a cell, if none is chosen."""
         if self.confinement is not None:
             return self
-        dependent = getattr(cell, "pressure_dependent", False)
-        return replace(self, confinement=CONFINEMENT if dependent else 0.0)
+        return replace(self, confinement=CONFINEMENT if cell.pressure_dependent else 0.0)
 
     @property
     def initial_pressure(self) -> float:

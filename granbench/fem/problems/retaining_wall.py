@@ -23,7 +23,7 @@ displacement over the length of the soil.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import ClassVar
 
@@ -31,8 +31,10 @@ import numpy as np
 
 from granbench.fem.loading import Loading, Prescribed
 from granbench.fem.mesh import REACH, Floats, PlaneMesh
+from granbench.fem.operators import ORDER
 from granbench.fem.problems.problem import Problem
 from granbench.fem.structured import rectangle
+from granbench.tensors import normal_mask
 
 LENGTH, HEIGHT = 2.5, 1.0
 GRAVITY = 9.81
@@ -63,8 +65,8 @@ class RetainingWall(Problem):
     default_mesh: ClassVar[str] = "table-5.2"
     choices: ClassVar[Mapping[str, tuple[str, ...]]] = {"wall": ("smooth", "rough")}
 
-    wall: str = "smooth"
-    weight: bool = False
+    wall: str = field(default="smooth", metadata={"meaning": "smooth or rough"})
+    weight: bool = field(default=False, metadata={"meaning": "whether the soil has weight"})
     end_strain: float = 0.05
 
     @property
@@ -90,5 +92,6 @@ class RetainingWall(Problem):
         """See `Problem.initial_stress`."""
         stress = super().initial_stress(positions, density)
         if self.weight:
-            stress[:2] += density * GRAVITY * (HEIGHT - positions[:, 1])
+            weight = density * GRAVITY * (HEIGHT - positions[:, 1])
+            stress += np.outer(normal_mask(ORDER), weight)
         return stress

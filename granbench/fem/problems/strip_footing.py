@@ -22,7 +22,7 @@ settlement over the footing's width.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import ClassVar
 
@@ -84,7 +84,7 @@ class StripFooting(Problem):
     }
     choices: ClassVar[Mapping[str, tuple[str, ...]]] = {"base": ("rough", "smooth")}
 
-    base: str = "rough"
+    base: str = field(default="rough", metadata={"meaning": "of the footing: rough or smooth"})
 
     @property
     def drive_length(self) -> float:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from granbench.generators.classical.recorded import recorded
 from granbench.generators.classical.response import isotropic_start, response
+from granbench.generators.rounding import recorded
 from granbench.models import MODELS
 from granbench.models.j2 import J2
 from granbench.paths.drawn import on_strain_grid
@@ -21,7 +21,7 @@ def strain() -> torch.Tensor:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_start_is_isotropic_and_as_a_record_keeps_it(name: str) -> None:
+def test_start_is_isotropic_and_rounded_as_a_record(name: str) -> None:
     cell = MODELS[name]()
     start = isotropic_start(cell, PRESSURE, 3)
     assert start.stress.tolist() == [[PRESSURE, PRESSURE, 0.0]] * 3

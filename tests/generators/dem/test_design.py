@@ -1,25 +1,24 @@
-"""What the campaigns promise about their packings, loadings and splits."""
+"""The plan of the `dem-triaxial` dataset: specimens, loadings and splits."""
 
 from collections import Counter
 
 import pytest
 
-from granbench.errors import ConfigurationError, RegistryError
+from granbench.errors import ConfigurationError
 from granbench.generators.dem.design import (
     ALL_FRICTIONS,
-    ANCHOR_PRESSURE,
     CORE,
+    DATASETS,
     PRESETS,
     UNSEEN_GRADING,
-    planned_tests,
-    preset,
-    specimens,
 )
+from granbench.generators.dem.generator import jobs
 from granbench.generators.dem.gradings import GRADINGS
-from granbench.generators.dem.jobs import campaign_jobs
+from granbench.generators.dem.plan import ANCHOR_PRESSURE, planned_tests, specimens
 from granbench.paths import ConstantMeanStress
 
 FAMILIES = {"constant-p", "constant-sigma3", "cyclic", "random-strain"}
+TRIAXIAL = DATASETS["dem-triaxial"]
 SPLITS = {"train", "validation", "test", "ood-psd"}
 
 
@@ -32,7 +31,7 @@ def by_split(plans):
     return {split: [p for p in plans if p.specimen.split == split] for split in SPLITS}
 
 
-def test_core_has_at_least_420_tests_under_names_of_their_own(core):
+def test_core_has_at_least_420_tests_with_unique_names(core):
     assert len(core) == 443
     assert len({plan.name for plan in core}) == len(core)
     assert len({plan.specimen.seed for plan in core}) == len({p.specimen.name for p in core})
@@ -51,7 +50,7 @@ def test_every_ratio_is_trained_and_tested(core):
         assert {getattr(p.programme, "b", 0.0) for p in plans} == set(CORE.ratios), split
 
 
-def test_unseen_grading_is_wholly_out_of_distribution(core):
+def test_all_specimens_of_the_unseen_grading_are_out_of_distribution(core):
     for plan in core:
         assert (plan.specimen.split == "ood-psd") == (plan.specimen.grading == UNSEEN_GRADING)
 
@@ -65,7 +64,7 @@ def test_test_and_validation_hold_one_friction_of_every_seen_grading_and_every_d
         assert {specimen.preparation_friction for specimen in chosen} == set(ALL_FRICTIONS)
 
 
-def test_replicates_share_split_and_programmes_with_their_originals_but_no_packing(core):
+def test_replicates_share_split_and_programmes_with_their_originals_but_not_their_seed(core):
     loads = {}
     for plan in core:
         loads.setdefault(plan.specimen, []).append(plan.programme)
@@ -90,25 +89,25 @@ def test_densest_and_loosest_of_every_grading_share_a_compression(core):
     assert all({min(ALL_FRICTIONS), max(ALL_FRICTIONS)} <= found for found in anchored.values())
 
 
-def test_jobs_of_a_part_are_jobs_of_the_whole(core):
+def test_jobs_of_a_part_are_jobs_of_the_whole():
     part = CORE.model_copy(update={"only_gradings": ("bell", "mono"), "only_levels": (0, 6)})
-    small = campaign_jobs(part, planned_tests(part, 0))
-    large = {job.key: job for job in campaign_jobs(CORE, core)}
+    small = jobs(TRIAXIAL, part, 0)
+    large = {job.key: job for job in jobs(TRIAXIAL, CORE, 0)}
     assert len(small) > 30
     assert all(large[job.key] == job for job in small)
 
 
 def test_every_specimen_is_prepared_once_and_before_its_tests(core):
-    jobs = campaign_jobs(CORE, core)
-    keys = [job.key for job in jobs]
+    planned = jobs(TRIAXIAL, CORE, 0)
+    keys = [job.key for job in planned]
     assert len(keys) == len(set(keys)) == len(core) + len(specimens(CORE, 0))
     seen = set()
-    for job in jobs:
+    for job in planned:
         assert seen.issuperset(job.needs)
         seen.add(job.key)
 
 
-def test_another_seed_changes_packings_and_drawn_loadings_but_no_split(core):
+def test_another_seed_changes_specimens_and_drawn_loadings_but_no_split(core):
     other = planned_tests(CORE, 1)
     assert [p.name for p in other] == [p.name for p in core]
     assert [p.specimen.split for p in other] == [p.specimen.split for p in core]
@@ -118,7 +117,7 @@ def test_another_seed_changes_packings_and_drawn_loadings_but_no_split(core):
         assert (one.programme != two.programme) == drawn
 
 
-def test_adding_a_grading_changes_no_other_packing():
+def test_adding_a_grading_changes_no_other_specimen():
     fewer = CORE.model_copy(update={"gradings": CORE.gradings[:4], "replicates": 0})
     known = {(s.name, s.seed) for s in specimens(CORE, 0)}
     assert all((s.name, s.seed) in known for s in specimens(fewer, 0))
@@ -126,16 +125,11 @@ def test_adding_a_grading_changes_no_other_packing():
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_every_preset_is_planned(name):
-    assert {plan.programme.pressure for plan in planned_tests(preset(name), 0)} <= set(
-        preset(name).pressures
+    assert {plan.programme.pressure for plan in planned_tests(PRESETS[name], 0)} <= set(
+        PRESETS[name].pressures
     )
 
 
 def test_more_replicates_than_specimens_are_refused_by_field():
-    with pytest.raises(ConfigurationError, match="replicates = 99"):
+    with pytest.raises(ConfigurationError, match="replicates"):
         specimens(CORE.model_copy(update={"replicates": 99}), 0)
-
-
-def test_unknown_preset_is_refused():
-    with pytest.raises(RegistryError, match="'large'.*core"):
-        preset("large")

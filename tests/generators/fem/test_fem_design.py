@@ -1,32 +1,25 @@
-"""The plan of the `fem-*` datasets: what is in which split, and what can be analysed."""
+"""The plan of the `fem-*` datasets: their splits, and whether every problem can be analysed."""
 
 import json
 from collections import Counter
 
 import pytest
+from pydantic import ValidationError
 
-from granbench.benchmark.axes.embedded.posed import posed
-from granbench.errors import DatasetError, RegistryError
-from granbench.fem.statement import EMBEDDED_ANALYSES, embedded_analyses, stated
-from granbench.generators.fem.design import (
-    GROUND_TRUTHS,
-    PRESETS,
-    AnalysisPlan,
-    FemPreset,
-    embedded_of,
-    planned_analyses,
-    preset,
-)
+from granbench.fem.build import build_problem
+from granbench.fem.statement import EmbeddedAnalysis, as_attribute
+from granbench.generators.fem.design import DATASETS, PRESETS, FemPreset
+from granbench.generators.fem.plan import AnalysisPlan, embedded_analyses_of, planned_analyses
 
 CORE = PRESETS["core"]
-IME = GROUND_TRUTHS["fem-ime"]
+IME = DATASETS["fem-ime"]
 
 
 def plans(chosen: FemPreset = CORE, seed: int = 0) -> list[AnalysisPlan]:
     return planned_analyses(IME, chosen, seed)
 
 
-def test_a_split_is_a_matter_of_problem_and_loading() -> None:
+def test_analyses_are_split_by_problem_and_loading() -> None:
     problems = {split: {plan.problem for plan in plans() if plan.split == split} for split in
                 {plan.split for plan in plans()}}  # fmt: skip
     assert problems == {
@@ -44,8 +37,8 @@ def test_a_split_is_a_matter_of_problem_and_loading() -> None:
     assert not pressures[1] & pressures[2]
 
 
-def test_no_loading_differs_from_another_by_a_constant_pressure_alone() -> None:
-    """IME would deform alike under both, and a test path have the strains of a training path."""
+def test_no_two_loadings_differ_only_in_a_constant_pressure() -> None:
+    """IME would deform in the same way, and a test path would repeat a training path."""
     constant = Counter((plan.problem, plan.choices["cycles"]) for plan in plans() if plan.seed == 0)
     assert set(constant.values()) == {1}
     seeds = Counter(plan.seed for plan in plans() if plan.seed)
@@ -60,16 +53,15 @@ def test_training_has_each_kind_of_loading() -> None:
 
 
 @pytest.mark.parametrize("name", PRESETS)
-@pytest.mark.parametrize("dataset", GROUND_TRUTHS)
-def test_every_planned_problem_can_be_posed(dataset: str, name: str) -> None:
-    truth, chosen = GROUND_TRUTHS[dataset], PRESETS[name]
-    listed = planned_analyses(truth, chosen, 0)
+@pytest.mark.parametrize("dataset", DATASETS)
+def test_every_planned_problem_can_be_built(dataset: str, name: str) -> None:
+    listed = planned_analyses(DATASETS[dataset], PRESETS[name], 0)
     assert len({plan.name for plan in listed}) == len(listed)
     for plan in listed:
-        problem = posed(plan)
+        problem = build_problem(plan)
         assert plan.mesh in problem.meshes
         assert problem.initial_pressure == plan.confinement
-        assert posed(AnalysisPlan.model_validate_json(plan.model_dump_json())) == problem
+        assert build_problem(AnalysisPlan.model_validate_json(plan.model_dump_json())) == problem
 
 
 def test_another_seed_draws_other_confinements() -> None:
@@ -77,27 +69,15 @@ def test_another_seed_draws_other_confinements() -> None:
     assert len(ours) == len(theirs) and not ours & theirs
 
 
-def test_embedded_analyses_survive_their_attribute(tmp_path) -> None:
+def test_embedded_analyses_survive_their_attribute() -> None:
     modulus = dict.fromkeys((plan.name for plan in plans()), 2e7)
-    listed = embedded_of(plans(), CORE, modulus)
+    listed = embedded_analyses_of(plans(), CORE, modulus)
     assert {analysis.problem for analysis in listed} == {
         "biaxial", "retaining-wall", "strip-footing",
     }  # fmt: skip
 
-    class Records:
-        attrs = {"dataset": "made", EMBEDDED_ANALYSES: stated(listed)}
-
-    assert embedded_analyses(Records()) == listed
-    damaged = json.loads(Records.attrs[EMBEDDED_ANALYSES])
-    damaged[1]["choices"].pop("confinement")
-    Records.attrs[EMBEDDED_ANALYSES] = json.dumps(damaged)
-    with pytest.raises(DatasetError, match=r"damaged at 1 .*state the confinement"):
-        embedded_analyses(Records())
-    Records.attrs[EMBEDDED_ANALYSES] = json.dumps([damaged[0], damaged[0]])
-    with pytest.raises(DatasetError, match="have one name"):
-        embedded_analyses(Records())
-
-
-def test_an_unknown_preset_is_refused() -> None:
-    with pytest.raises(RegistryError, match="preset 'huge' of the fem datasets is unknown"):
-        preset("huge")
+    written = json.loads(as_attribute(listed))
+    assert tuple(map(EmbeddedAnalysis.model_validate, written)) == listed
+    written[1]["choices"].pop("confinement")
+    with pytest.raises(ValidationError, match="confinement"):
+        EmbeddedAnalysis.model_validate(written[1])

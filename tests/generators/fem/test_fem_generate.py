@@ -9,17 +9,18 @@ import torch
 import xarray as xr
 from fem_records import fem_records
 
-from granbench.benchmark.axes.embedded.posed import posed
 from granbench.cells.contract import ModuleCell
 from granbench.data.adapters import conditions_of
 from granbench.data.splits import leak_report
 from granbench.errors import AnalysisError
-from granbench.generators.catalogue import generator
-from granbench.generators.classical.recorded import recorded
-from granbench.generators.fem import generate as generate_module
+from granbench.fem.build import build_problem
+from granbench.generators.fem import generator as generator_module
 from granbench.generators.fem import jobs as jobs_module
-from granbench.generators.fem.design import GROUND_TRUTHS, PRESETS, planned_analyses
-from granbench.generators.fem.jobs import campaign_job, different_points, run_analysis
+from granbench.generators.fem.design import DATASETS, PRESETS
+from granbench.generators.fem.generator import GENERATOR
+from granbench.generators.fem.jobs import different_points, run_analysis
+from granbench.generators.fem.plan import planned_analyses
+from granbench.generators.rounding import recorded
 from granbench.models.ground_truth import ground_truth_cell
 from granbench.records import open_records, validate_records, verify
 
@@ -51,17 +52,17 @@ def test_every_variable_is_rounded_once(records) -> None:
         np.testing.assert_array_equal(recorded(str(name), variable.values), variable.values)
 
 
-def test_a_smooth_specimen_bears_the_confinement_on_its_sides(records) -> None:
+def test_a_smooth_specimen_has_the_confining_pressure_on_its_sides(records) -> None:
     """Uniform, it has sigma_xx = p_c(t), but for the waves that its mass makes.
 
     The pressure changes by half of itself within 33 ms here, of which a wave takes 5 to cross.
     """
     plan = next(
         plan
-        for plan in planned_analyses(GROUND_TRUTHS["fem-ime"], SMOKE, 0)
+        for plan in planned_analyses(DATASETS["fem-ime"], SMOKE, 0)
         if plan.name == "biaxial-smooth-monotonic-random-100kpa"
     )
-    x, pressure = posed(plan).confinement.pressures()
+    x, pressure = build_problem(plan).confinement.pressures()
     wanted = np.interp(np.linspace(0.0, 1.0, SMOKE.steps + 1), x, pressure)
     (path,) = analysis(records, plan.name)["stress"].values.astype(float)
     np.testing.assert_allclose(path[:, 0], wanted, rtol=0.12)
@@ -71,7 +72,7 @@ def test_a_smooth_specimen_bears_the_confinement_on_its_sides(records) -> None:
     np.testing.assert_allclose(strain, np.linspace(0.0, end, SMOKE.steps + 1), atol=0.05 * end)
 
 
-def test_the_ground_truth_answers_the_recorded_strains(records) -> None:
+def test_the_ground_truth_reproduces_the_recorded_stress(records) -> None:
     """Up to the size of the steps: a recorded one is some ten of those that made it."""
     cell = ground_truth_cell(records)
     strain = torch.from_numpy(records["strain"].values.astype(np.float64))
@@ -82,8 +83,8 @@ def test_the_ground_truth_answers_the_recorded_strains(records) -> None:
     assert error.max() < 0.1 * float(records["stress"].std())
 
 
-def test_points_of_a_biaxial_test_are_told_apart_by_half_a_turn() -> None:
-    truth = GROUND_TRUTHS["fem-ime"]
+def test_points_that_half_a_turn_maps_on_each_other_are_kept_once() -> None:
+    truth = DATASETS["fem-ime"]
     for plan in planned_analyses(truth, SMOKE, 0):
         positions = np.array([[0.1, 0.2], [0.4, 0.2], [0.1, 0.8], [0.4, 0.8]])
         kept = different_points(plan, positions)
@@ -91,11 +92,11 @@ def test_points_of_a_biaxial_test_are_told_apart_by_half_a_turn() -> None:
 
 
 def test_a_campaign_writes_what_it_was_asked_for(tmp_path, monkeypatch) -> None:
-    """From the command to the sealed file, with one analysis; run again it does nothing."""
+    """From the preset to the sealed file, with one analysis; run again it does nothing."""
     monkeypatch.setattr(
-        generate_module, "planned_analyses", lambda *asked: planned_analyses(*asked)[6:7]
+        generator_module, "planned_analyses", lambda *asked: planned_analyses(*asked)[6:7]
     )
-    generate = partial(generator("fem-ime"), "smoke", tmp_path, progress="quiet")
+    generate = partial(GENERATOR.generate, "fem-ime", "smoke", tmp_path, progress="quiet")
     path, _ = generate()
     assert path.name == "fem-ime-0.0.0+smoke.nc"
     with open_records(path) as made:
@@ -111,8 +112,8 @@ def test_a_campaign_writes_what_it_was_asked_for(tmp_path, monkeypatch) -> None:
         np.testing.assert_array_equal(made["stress"].values, written)
 
 
-class Shattering(torch.nn.Module):
-    """Elastic where nothing moves, without an answer where anything does."""
+class Unstable(torch.nn.Module):
+    """Elastic as long as the strain is zero, NaN as soon as it is not."""
 
     def forward(self, dstrain: torch.Tensor, stress: torch.Tensor) -> torch.Tensor:
         """Stress after an increment."""
@@ -120,11 +121,10 @@ class Shattering(torch.nn.Module):
         return torch.where(moved, torch.nan, stress + 2e7 * dstrain)
 
 
-def test_an_analysis_that_does_not_end_makes_no_dataset(tmp_path, monkeypatch) -> None:
-    truth = GROUND_TRUTHS["fem-ime"]
-    job = campaign_job(truth, SMOKE, planned_analyses(truth, SMOKE, 0)[0], 0)
-    cell = ModuleCell(Shattering(), name="glass", order="plane", dtype=torch.float64)
+def test_an_analysis_that_fails_leaves_no_result(tmp_path, monkeypatch) -> None:
+    job = GENERATOR.planned_jobs("fem-ime", "smoke")[0]
+    cell = ModuleCell(Unstable(), name="unstable", order="plane", dtype=torch.float64)
     monkeypatch.setattr(jobs_module, "recording_cell", lambda model, parameters: cell)
-    with pytest.raises(AnalysisError, match="glass gives no finite stress at Gauss point 0"):
+    with pytest.raises(AnalysisError, match="unstable"):
         run_analysis(job.configuration, 0, {}, tmp_path)
     assert not list(tmp_path.iterdir())

@@ -7,9 +7,9 @@ import torch
 import xarray as xr
 from torch import Tensor
 
-from granbench.benchmark.protocols import WINDOW_STEPS
-from granbench.benchmark.surviving import Series, surviving_rollout
+from granbench.benchmark.axes.along_paths.protocols import WINDOW_STEPS
 from granbench.cells.contract import MaterialCell
+from granbench.cells.robust_runs import Series, robust_rollout
 from granbench.data.adapters import conditions_of
 
 
@@ -20,7 +20,7 @@ def rollout(cell: MaterialCell, dataset: xr.Dataset) -> Series:
     -------
     `stress` (path, step, component) and the cell's internals, each (path, step)
     """
-    return surviving_rollout(cell, strain_of(dataset), conditions_of(dataset, dtype=cell.dtype))
+    return robust_rollout(cell, strain_of(dataset), conditions_of(dataset, dtype=cell.dtype))
 
 
 def window(cell: MaterialCell, dataset: xr.Dataset, length: int = WINDOW_STEPS) -> Series:
@@ -37,9 +37,7 @@ def window(cell: MaterialCell, dataset: xr.Dataset, length: int = WINDOW_STEPS) 
     windows: list[Series] = []
     for start in range(0, strain.shape[1] - 1, length):
         part = strain[:, start : start + length + 1]
-        series = surviving_rollout(
-            cell, part - part[:, :1], conditions_of(dataset, start, cell.dtype)
-        )
+        series = robust_rollout(cell, part - part[:, :1], conditions_of(dataset, start, cell.dtype))
         first = 0 if start == 0 else 1  # a window's step 0 is the last step of the one before
         windows.append({name: values[:, first:] for name, values in series.items()})
     return {name: torch.cat([part[name] for part in windows], dim=1) for name in windows[0]}
@@ -57,7 +55,7 @@ def noise(cell: MaterialCell, dataset: xr.Dataset, xi: float, seed: int) -> Seri
     # The noise is added to the strain so that xi = 0 leaves it untouched to the last bit.
     noised = strain.clone()
     noised[:, 1:] += torch.cumsum(xi * normal * increments, dim=1)
-    return surviving_rollout(cell, noised, conditions_of(dataset, dtype=cell.dtype))
+    return robust_rollout(cell, noised, conditions_of(dataset, dtype=cell.dtype))
 
 
 def strain_of(dataset: xr.Dataset) -> Tensor:

@@ -5,8 +5,8 @@ import torch
 import xarray as xr
 
 from granbench.benchmark.axes.along_paths.free_run import strain_of
-from granbench.benchmark.surviving import Series, surviving_states, surviving_step
 from granbench.cells.contract import MaterialCell
+from granbench.cells.robust_runs import Series, robust_condition_each, robust_step
 from granbench.data.adapters import history_of
 
 BLOCK = 16384
@@ -26,11 +26,11 @@ def single_step(cell: MaterialCell, dataset: xr.Dataset) -> Series:
     """
     increments = torch.diff(strain_of(dataset), dim=1).to(cell.dtype)
     paths, steps, components = increments.shape
-    states = surviving_states(cell, history_of(dataset, cell.dtype))[:, :-1].to(cell.dtype)
+    states = robust_condition_each(cell, history_of(dataset, cell.dtype))[:, :-1].to(cell.dtype)
     flat_increments = increments.reshape(paths * steps, components)
     flat_states = states.reshape(paths * steps, -1)
     blocks = [
-        surviving_step(cell, flat_increments[i : i + BLOCK], flat_states[i : i + BLOCK])
+        robust_step(cell, flat_increments[i : i + BLOCK], flat_states[i : i + BLOCK])
         for i in range(0, paths * steps, BLOCK)
     ]
     series = {}

@@ -1,12 +1,12 @@
-"""The embedded axis: a model in place of the ground truth, in boundary-value problems.
+"""Boundary-value problems with a model, and with the ground truth, at every Gauss point.
 
-Each analysis that the dataset states is made with the model and, in the same way, with the ground
-truth: the same mesh, loading, output steps and explicit time step, which follows from the ground
-truth's stiffness. `granbench.benchmark.axes.embedded.scores` compares the two.
+Each analysis of the task is made with the model and, in the same way, with the ground truth: the
+same mesh, loading, output steps and explicit time step, which follows from the ground truth's
+stiffness. `granbench.benchmark.axes.embedded.analysis_errors` compares the two.
 """
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -14,24 +14,18 @@ import numpy as np
 import torch
 import xarray as xr
 
-from granbench.benchmark.axes.embedded.metered_cell import MeteredCell
-from granbench.benchmark.axes.embedded.posed import posed, start_of
+from granbench.benchmark.axes.embedded.timed_cell import TimedCell
+from granbench.benchmark.scored_records import ScoredRecords
 from granbench.cells.check import POINTS
 from granbench.cells.contract import Conditions, MaterialCell
-from granbench.errors import ConfigurationError, DatasetError
+from granbench.errors import ConfigurationError
 from granbench.fem import ExplicitSettings, ImplicitSettings, run
 from granbench.fem.analysis import settings_for
+from granbench.fem.build import build_problem
 from granbench.fem.cell_failure import CellFailure
-from granbench.fem.statement import (
-    NOT_IN_THE_PLANE,
-    READS_RECORDS,
-    SOLVERS,
-    EmbeddedAnalysis,
-    embedded_analyses,
-    spread_points,
-)
+from granbench.fem.statement import SOLVERS, EmbeddedAnalysis, spread_points
 from granbench.models.classical import ClassicalCell
-from granbench.models.ground_truth import ground_truth_cell
+from granbench.models.isotropic_start import internals_at_start
 from granbench.tensors import COMPONENT_ORDERS
 
 ORDER = "plane"
@@ -57,28 +51,11 @@ REPEATS, PATIENCE = 3, 2.0
 """How often an analysis is made for its time, unless the runs take longer than this, CPU s."""
 
 
-def embedded_obstacle(dataset: xr.Dataset, cells: Iterable[MaterialCell]) -> str | None:
-    """Why the axis does not apply to a dataset and a model's cells, or None.
-
-    Raises
-    ------
-    DatasetError
-        If the dataset states analyses, but no ground truth.
-    """
-    if not embedded_analyses(dataset):
-        return "this task has no boundary-value problem with a ground-truth cell"
-    if tuple(map(str, dataset["component"].values)) != COMPONENT_ORDERS[ORDER]:
-        return NOT_IN_THE_PLANE
-    if any(cell.reads_records for cell in cells):
-        return READS_RECORDS
-    _truth(dataset)
-    return None
-
-
-def analysis_start(cell: MaterialCell, dataset: xr.Dataset) -> Conditions:
-    """What is known of a few Gauss points where the first analysis of a dataset begins."""
-    pressure = embedded_analyses(dataset)[0].confinement
-    scalars = {"initial_mean_stress": pressure, **start_of(_truth(dataset), pressure)}
+def analysis_start(cell: MaterialCell, task: ScoredRecords) -> Conditions:
+    """What is known of a few Gauss points where the first analysis of a task begins."""
+    pressure = task.analyses[0].confinement
+    start = internals_at_start(task.require_ground_truth(), pressure)
+    scalars = {"initial_mean_stress": pressure, **start}
     stress = torch.tensor([[pressure, pressure, 0.0]] * POINTS, dtype=cell.dtype)
     known = {
         name: torch.full((POINTS,), value, dtype=cell.dtype) for name, value in scalars.items()
@@ -86,13 +63,13 @@ def analysis_start(cell: MaterialCell, dataset: xr.Dataset) -> Conditions:
     return Conditions(stress, known)
 
 
-def embedded(cell: MaterialCell, dataset: xr.Dataset) -> xr.Dataset:
-    """Every analysis that a dataset states, with a model.
+def embedded(cell: MaterialCell, task: ScoredRecords) -> xr.Dataset:
+    """Every analysis of a task, with a model.
 
     Parameters
     ----------
     cell : the model, in plane components
-    dataset : whose `embedded_analyses` are made
+    task : its `analyses` are made
 
     Returns
     -------
@@ -101,10 +78,10 @@ def embedded(cell: MaterialCell, dataset: xr.Dataset) -> xr.Dataset:
     NaN from where an analysis failed; `embedded_seconds` and `embedded_cell_seconds`, CPU time of
     the fastest run; and `failure`, why it ended early, "" where it did not
     """
-    return _every_analysis(cell, dataset, "embedded_")
+    return _every_analysis(cell, task, "embedded_")
 
 
-def embedded_truth(dataset: xr.Dataset) -> xr.Dataset:
+def embedded_truth(task: ScoredRecords) -> xr.Dataset:
     """As `embedded`, with the ground truth itself; the names begin with `embedded_truth_`.
 
     Raises
@@ -112,19 +89,12 @@ def embedded_truth(dataset: xr.Dataset) -> xr.Dataset:
     DatasetError
         If no model made the records.
     """
-    found = _every_analysis(_truth(dataset), dataset, "embedded_truth_")
-    return found.drop_vars("failure")
+    found = _every_analysis(task.require_ground_truth(), task, "embedded_truth_")
+    return found.drop_vars(FAILURE)
 
 
-def _truth(dataset: xr.Dataset) -> ClassicalCell:
-    truth = ground_truth_cell(dataset)
-    if truth is None:
-        raise DatasetError("the records name no ground truth; use a dataset that a model made")
-    return truth
-
-
-def _every_analysis(cell: MaterialCell, dataset: xr.Dataset, prefix: str) -> xr.Dataset:
-    truth, analyses = _truth(dataset), embedded_analyses(dataset)
+def _every_analysis(cell: MaterialCell, task: ScoredRecords, prefix: str) -> xr.Dataset:
+    truth, analyses = task.require_ground_truth(), task.analyses
     with _one_thread():
         _warm_up(cell, analyses[0], truth)
         by_solver = [
@@ -137,7 +107,7 @@ def _every_analysis(cell: MaterialCell, dataset: xr.Dataset, prefix: str) -> xr.
         analysis=np.array([each.name for each in analyses], dtype=object),
         output=np.arange(found.sizes["output"]),
         gauss_point=np.arange(found.sizes["gauss_point"]),
-        component=dataset["component"].values.astype(object),
+        component=np.array(task.components, dtype=object),
     )
     return found.rename({name: f"{prefix}{name}" for name in found.data_vars if name != FAILURE})
 
@@ -159,7 +129,7 @@ def _analysed(
     cell: MaterialCell, analysis: EmbeddedAnalysis, solver: str, truth: ClassicalCell
 ) -> xr.Dataset:
     """What is kept of one analysis, see `embedded`."""
-    problem = posed(analysis)
+    problem = build_problem(analysis)
     settings = settings_for(problem, solver)
     if isinstance(settings, ExplicitSettings):
         # The stated number of outputs, so that all analyses of a dataset have one shape.
@@ -169,8 +139,8 @@ def _analysed(
     else:
         settings = replace(settings, steps=analysis.outputs, cuts=CUTS)
     limit = UPDATES * analysis.outputs if isinstance(settings, ImplicitSettings) else None
-    metered = MeteredCell(cell, limit)
-    start = start_of(truth, analysis.confinement)
+    metered = TimedCell(cell, limit)
+    start = internals_at_start(truth, analysis.confinement)
     begin = time.process_time()
     # `predict` has checked the cell, which must not count as calls or time of the analysis.
     result = run(problem, metered, solver=settings, mesh=analysis.mesh, scalars=start, check=False)
@@ -213,12 +183,12 @@ def _without_outputs(analysis: EmbeddedAnalysis) -> xr.Dataset:
 
 def _warm_up(cell: MaterialCell, analysis: EmbeddedAnalysis, truth: ClassicalCell) -> None:
     """What libraries do once, before anything is timed."""
-    problem = replace(posed(analysis), end_strain=1e-6)
-    start = start_of(truth, analysis.confinement)
+    problem = replace(build_problem(analysis), end_strain=1e-6)
+    start = internals_at_start(truth, analysis.confinement)
     explicit = replace(problem.explicit(), outputs=1, modulus=analysis.modulus)
     for settings in (explicit, replace(problem.implicit(), steps=1, cuts=0)):
         run(
-            problem, MeteredCell(cell), solver=settings, mesh=analysis.mesh, scalars=start,
+            problem, TimedCell(cell), solver=settings, mesh=analysis.mesh, scalars=start,
             check=False,
         )  # fmt: skip
 

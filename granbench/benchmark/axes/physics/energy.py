@@ -3,8 +3,8 @@
 import torch
 from torch import Tensor
 
-from granbench.benchmark.surviving import surviving_rollout
 from granbench.cells.contract import Conditions, MaterialCell
+from granbench.cells.robust_runs import robust_rollout
 from granbench.tensors import normal_mask
 
 
@@ -26,7 +26,7 @@ def cycle_work(cell: MaterialCell, strain: Tensor, conditions: Conditions) -> Te
     """
     back = strain.flip(1)[:, 1:]
     cycle = torch.cat([strain, back], dim=1)
-    stress = surviving_rollout(cell, torch.cat([cycle, cycle[:, 1:]], dim=1), conditions)["stress"]
+    stress = robust_rollout(cell, torch.cat([cycle, cycle[:, 1:]], dim=1), conditions)["stress"]
     second = stress[:, cycle.shape[1] - 1 :]
     often = 2.0 - torch.tensor(normal_mask(cell.order), dtype=torch.float64)
     mean = 0.5 * (second[:, 1:] + second[:, :-1])

@@ -1,7 +1,7 @@
 """The physics axis: what a cell answers when it is asked for what no record shows.
 
 `granbench.benchmark.axes.physics.checks` says what each check measures; here its raw responses are
-made, which `scores` (beside this module) turns into violations.
+made, which `axis` (beside this module) turns into violations.
 """
 
 import json
@@ -17,6 +17,7 @@ from granbench.benchmark.axes.physics.checks import (
     CHECKED_STRAIN,
     CHECKS,
     NO_STRESS_OUT_OF_PLANE,
+    PHYSICS_OBSTACLES,
     PRINCIPAL,
     READS_RECORDS,
     STRESS_CHECKS,
@@ -26,14 +27,13 @@ from granbench.benchmark.axes.physics.checks import (
 from granbench.benchmark.axes.physics.energy import cycle_work
 from granbench.benchmark.axes.physics.symmetry import asymmetry, exchanges, turn
 from granbench.benchmark.axes.physics.tangent import tangent_errors, tangent_obstacle
-from granbench.benchmark.predictions import PHYSICS_OBSTACLES
-from granbench.benchmark.surviving import (
-    Series,
-    surviving,
-    surviving_course,
-    surviving_step,
-)
 from granbench.cells.contract import Conditions, MaterialCell
+from granbench.cells.robust_runs import (
+    Series,
+    robust_series,
+    robust_states,
+    robust_step,
+)
 from granbench.data.adapters import conditions_of
 from granbench.models.classical import OUT_OF_PLANE
 from granbench.models.ground_truth import holds_no_tension
@@ -65,7 +65,7 @@ def physics(cell: MaterialCell, dataset: xr.Dataset) -> xr.Dataset:
     records = dataset.isel(path=rows)
     strain = strain_of(records)
     conditions = conditions_of(records, dtype=cell.dtype)
-    course = surviving_course(cell, strain, conditions)
+    course = robust_states(cell, strain, conditions)
     obstacles: dict[str, str] = {}
     responses = _of_single_increments(cell, records, strain, course["state"], obstacles)
     responses |= _of_whole_paths(cell, strain, conditions, course["stress"], obstacles)
@@ -102,7 +102,7 @@ def _of_single_increments(
         return values.unflatten(0, (-1, count)).amax(dim=1)
 
     before = state[:, cell.layout["stress"]]
-    still = surviving_step(
+    still = robust_step(
         cell, torch.zeros_like(increment).to(cell.dtype), state.to(cell.dtype)
     )["stress"]  # fmt: skip
     whole = _after(cell, increment, state, 1)
@@ -134,7 +134,7 @@ def _after(cell: MaterialCell, dstrain: Tensor, state: Tensor, parts: int) -> Te
         return {"stress": stress}
 
     widths = {"stress": (dstrain.shape[1],)}
-    return surviving(run, slice(0, len(dstrain)), None, widths)["stress"]
+    return robust_series(run, len(dstrain), None, widths)["stress"]
 
 
 def _of_whole_paths(

@@ -8,8 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from granbench.benchmark.surviving import surviving_rollout
 from granbench.cells.contract import Conditions, MaterialCell
+from granbench.cells.robust_runs import robust_rollout
 from granbench.tensors import COMPONENT_ORDERS, component_rotation
 
 ANGLE = math.radians(30.0)
@@ -64,7 +64,7 @@ def asymmetry(
     for rotation in rotations:
         forth = torch.from_numpy(component_rotation(rotation, cell.order))
         back = torch.from_numpy(component_rotation(rotation.T, cell.order))
-        turned = surviving_rollout(cell, strain @ forth.T, _turned(conditions, forth, cell.order))
+        turned = robust_rollout(cell, strain @ forth.T, _turned(conditions, forth, cell.order))
         worst.append((turned["stress"] @ back.T - stress).abs().amax(dim=1))
     return torch.stack(worst).amax(dim=0)
 

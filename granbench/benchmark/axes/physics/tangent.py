@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from granbench.benchmark.surviving import Series, surviving, surviving_step
 from granbench.cells.contract import FLOATING_FAILURES, MaterialCell
+from granbench.cells.robust_runs import Series, robust_series, robust_step
 from granbench.cells.user_code import failure_location
 from granbench.errors import GranbenchError
 
@@ -44,8 +44,11 @@ def tangent_obstacle(cell: MaterialCell, dstrain: Tensor, state: Tensor) -> str 
     increment, before = dstrain[:1].to(cell.dtype), state[:1].to(cell.dtype)
     try:
         *_, tangent = cell.tangent(increment, before)
-        by_torch = type(cell).tangent is MaterialCell.tangent
-        if by_torch and tangent.any() and cell.differentiated(increment, before) is None:
+        if (
+            not cell.has_own_tangent
+            and tangent.any()
+            and cell.differentiated(increment, before) is None
+        ):
             return (
                 "the model gives torch no gradients; analyses take its tangent by differences, "
                 "with which it would be compared here"
@@ -102,7 +105,7 @@ def tangent_errors(
     increment = dstrain.to(cell.dtype)
     start = state.to(cell.dtype)
     tangent = _tangents(cell, increment, start)
-    stress = surviving_step(cell, increment, start)["stress"]
+    stress = robust_step(cell, increment, start)["stress"]
     floor = torch.full_like(stress[:, 0], 1e-3 * stiffness)
     best = torch.full_like(floor, torch.inf)
     followed = torch.zeros_like(floor, dtype=torch.bool)
@@ -125,7 +128,7 @@ def _tangents(cell: MaterialCell, dstrain: Tensor, state: Tensor) -> Tensor:
         return {"tangent": cell.tangent(dstrain[points], state[points])[2]}
 
     widths = {"tangent": (components, components)}
-    return surviving(run, slice(0, len(dstrain)), None, widths)["tangent"]
+    return robust_series(run, len(dstrain), None, widths)["tangent"]
 
 
 def _differences(
@@ -137,8 +140,8 @@ def _differences(
         further, nearer = dstrain.clone(), dstrain.clone()
         further[:, component] += width
         nearer[:, component] -= width
-        after = surviving_step(cell, further, state)["stress"]
-        before = surviving_step(cell, nearer, state)["stress"]
+        after = robust_step(cell, further, state)["stress"]
+        before = robust_step(cell, nearer, state)["stress"]
         # What the floating type made of the width, not the width itself.
         up = (further - dstrain)[:, component, None].double()
         down = (dstrain - nearer)[:, component, None].double()

@@ -1,0 +1,161 @@
+"""The registered axes and metrics; nothing else in the package names one.
+
+A package registers an axis under the entry-point group `granbench.axes`, and a metric under
+`granbench.metrics`.
+"""
+
+from collections.abc import Iterable, Sequence
+from functools import cache
+from importlib.metadata import entry_points
+
+from granbench.benchmark.axis import ENTRY_POINTS as AXES
+from granbench.benchmark.axis import Axis, Part, Stored
+from granbench.benchmark.metric import ENTRY_POINTS as METRICS
+from granbench.benchmark.metric import Metric
+from granbench.errors import ConfigurationError
+
+
+@cache
+def axes() -> tuple[Axis, ...]:
+    """The registered axes, in the order of the scorecard.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is none, what is registered is not an axis, or two axes share a name.
+    """
+    found: list[Axis] = []
+    for point in entry_points(group=AXES):
+        axis = point.load()
+        if not isinstance(axis, Axis):
+            raise ConfigurationError(
+                f"entry point {point.name!r} of {AXES} must be an Axis, not a "
+                f"{type(axis).__name__}; correct the package that registers it"
+            )
+        if axis not in found:
+            found.append(axis)
+    if not found:
+        raise ConfigurationError(
+            f"no axis is registered under the entry points {AXES}; install granbench again"
+        )
+    names = [name for axis in found for name in axis.names]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise ConfigurationError(
+            f"two packages register an axis {twice[0]!r}; uninstall one of them"
+        )
+    return tuple(sorted(found, key=lambda axis: (axis.order, axis.name)))
+
+
+@cache
+def plugged_in_metrics() -> tuple[Metric, ...]:
+    """The metrics that other packages register, by name.
+
+    Raises
+    ------
+    ConfigurationError
+        If what is registered is not a metric, belongs to no axis, or has the name of another.
+    """
+    found: list[Metric] = []
+    known = {axis.name: axis for axis in axes()}
+    for point in sorted(entry_points(group=METRICS), key=lambda point: point.name):
+        metric = point.load()
+        if not isinstance(metric, Metric):
+            raise ConfigurationError(
+                f"entry point {point.name!r} of {METRICS} must be a Metric, not a "
+                f"{type(metric).__name__}; correct the package that registers it"
+            )
+        if metric.axis not in known:
+            raise ConfigurationError(
+                f"metric {metric.name!r}: axis is {metric.axis!r}; use one of {', '.join(known)}"
+            )
+        if metric in found:
+            continue
+        others = (*known[metric.axis].own_metrics, *found)
+        if any(other.name == metric.name and other.axis == metric.axis for other in others):
+            raise ConfigurationError(
+                f"metric {metric.name!r}: the axis {metric.axis!r} has one of this name already; "
+                "choose another name"
+            )
+        found.append(metric)
+    return tuple(found)
+
+
+@cache
+def plugged_in_axes() -> frozenset[str]:
+    """Names of the axes that other packages register."""
+    return frozenset(
+        name
+        for point in entry_points(group=AXES)
+        if point.dist is None or point.dist.name != "granbench"
+        for name in point.load().names
+    )
+
+
+def axis_names() -> tuple[str, ...]:
+    """Names of everything that a model can be evaluated on, in order."""
+    return tuple(name for axis in axes() for name in axis.names)
+
+
+def chosen_axes(names: Iterable[str] | None) -> tuple[str, ...]:
+    """The named axes, each once, in the order of the scorecard; all of them for None.
+
+    Raises
+    ------
+    ConfigurationError
+        If one is unknown, or there is none.
+    """
+    known = axis_names()
+    wanted = set(known if names is None else names)
+    if unknown := sorted(wanted - set(known)):
+        raise ConfigurationError(f"unknown axis {unknown[0]!r}; use {', '.join(known)}")
+    if not wanted:
+        raise ConfigurationError(f"there is no axis to evaluate; use {', '.join(known)}")
+    return tuple(name for name in known if name in wanted)
+
+
+def find_axis(name: str) -> Axis | None:
+    """The registered axis that a name, such as that of a score, belongs to; None: not installed."""
+    return next((axis for axis in axes() if name in axis.names), None)
+
+
+def find_part(name: str) -> Part | None:
+    """The protocol, check or solver of that name; None where there is none."""
+    return next((part for axis in axes() for part in axis.parts if part.name == name), None)
+
+
+def find_metric(axis: str, name: str) -> Metric | None:
+    """The metric of a score.
+
+    Parameters
+    ----------
+    axis : name of the score's axis
+    name : of the metric, with the label of its component
+    """
+    found = find_axis(axis)
+    if found is None:
+        return None
+    return next((metric for metric in found.metrics() if metric.is_named(name)), None)
+
+
+def headline_axis() -> Axis:
+    """The axis with the score that models are ranked by.
+
+    Raises
+    ------
+    ConfigurationError
+        If no registered axis has one.
+    """
+    for axis in axes():
+        if axis.headline is not None:
+            return axis
+    raise ConfigurationError("no registered axis has a headline; install granbench again")
+
+
+def layout() -> dict[str, Stored]:
+    """Every variable that a predictions file may hold."""
+    return {name: stored for axis in axes() for name, stored in axis.layout.items()}
+
+
+def labels() -> dict[str, Sequence[str]]:
+    """Coordinates of a predictions file with the labels that they may have."""
+    return {name: allowed for axis in axes() for name, allowed in axis.labels.items()}

@@ -1,0 +1,238 @@
+"""Tasks by name: those of GranBench, those of other packages, and files of a user's own.
+
+GranBench keeps one YAML file for each task and version. Another package adds tasks by an entry
+point of the group `granbench.tasks`, whose value is a package with YAML files in it:
+
+    [project.entry-points."granbench.tasks"]
+    my-tasks = "my_package.tasks"
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from difflib import get_close_matches
+from importlib.metadata import entry_points
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+import yaml
+from pydantic import ValidationError
+
+from granbench.benchmark.task import Task, complaint
+from granbench.data.registry import REGISTRY_FOLDER, RegistryEntry, entries
+from granbench.data.store import REGISTERED_NAME, dataset_file, local_file
+from granbench.data.verification import task_file
+from granbench.errors import DatasetError, GranbenchError, RegistryError
+from granbench.records import open_records
+
+TASK_FOLDER = REGISTRY_FOLDER / "tasks"
+ENTRY_POINTS = "granbench.tasks"
+YAML = (".yaml", ".yml")
+
+
+def registered_tasks() -> list[Task]:
+    """Every registered version of every task, by name, the newest version first.
+
+    Raises
+    ------
+    RegistryError
+        If a YAML file is damaged, or two have the same name and version.
+    """
+    found: dict[tuple[str, str], tuple[Task, Path]] = {}
+    for folder in (TASK_FOLDER, *_plugin_folders()):
+        for path in sorted(folder.glob("*.yaml")):
+            task = read_task(path)
+            key = (task.id, task.version)
+            if key in found:
+                raise RegistryError(
+                    f"{path}: task {task.id} {task.version} is registered already, by "
+                    f"{found[key][1]}; give it another id or version"
+                )
+            found[key] = (task, path)
+    newest_first = sorted((task for task, _ in found.values()), key=_release, reverse=True)
+    return sorted(newest_first, key=lambda task: task.id)
+
+
+def registered_task(name: str, version: str | None = None) -> Task:
+    """A registered task.
+
+    Parameters
+    ----------
+    name : its id
+    version : None for the newest
+
+    Raises
+    ------
+    RegistryError
+        If nobody registered it; the text names similar ones.
+    """
+    known = registered_tasks()
+    named = [task for task in known if task.id == name]
+    if not named:
+        names = list(dict.fromkeys(task.id for task in known))
+        near = get_close_matches(name, names, n=3)
+        hint = f"did you mean {' or '.join(near)}" if near else f"use one of {', '.join(names)}"
+        raise RegistryError(f"unknown task {name!r}; {hint} (`granbench task list`)")
+    for task in named:
+        if version in (None, task.version):
+            return task
+    versions = ", ".join(task.version for task in named)
+    raise RegistryError(f"task {name!r} has no version {version!r}; use one of {versions}")
+
+
+def find_task(name_or_file: str) -> Task:
+    """A task by its name or from a file.
+
+    Parameters
+    ----------
+    name_or_file : name of a registered task for its newest version, or NAME@VERSION; path of a
+        task's YAML file; or path of a netCDF file of records, which makes a task of the records
+        alone unless they are those of a registered task of the same name
+
+    Raises
+    ------
+    RegistryError
+        If the name is unknown, or the YAML file is damaged or names a dataset that is not
+        registered; the text names the file and the field.
+    DatasetError
+        If there is no such file, or it holds no records.
+    """
+    path = Path(name_or_file)
+    if path.is_file():
+        return read_task(path) if path.suffix in YAML else _task_of_records(path)
+    name, _, version = name_or_file.partition("@")
+    # A folder of that name, as `granbench generate` leaves behind, does not hide the task.
+    if path.is_dir() and name not in {task.id for task in registered_tasks()}:
+        raise DatasetError(f"{name_or_file}: is a folder; give a task's YAML file or a netCDF file")
+    if not REGISTERED_NAME.fullmatch(name_or_file):
+        raise DatasetError(
+            f"{name_or_file}: there is no such file; give a task of `granbench task list`, a "
+            "task's YAML file or a netCDF file of records"
+        )
+    return registered_task(name, version or None)
+
+
+def read_task(path: Path) -> Task:
+    """The task in a YAML file.
+
+    Raises
+    ------
+    RegistryError
+        If the file is damaged, or its dataset is not registered; the text names the field.
+    """
+    task = _parsed(path)
+    if task.dataset.file is not None:
+        file = path.parent / task.dataset.file
+        if not file.is_file():
+            raise RegistryError(
+                f"{path}: dataset.file: there is no {file}; put it beside the task's file"
+            )
+        dataset = task.dataset.model_copy(update={"file": str(file)})
+        return task.model_copy(update={"dataset": dataset})
+    _require_registered(task, path)
+    return task
+
+
+def task_records(task: Task) -> xr.Dataset:
+    """The whole dataset of a task, opened lazily; fetched or made if it is not on this machine.
+
+    `Task.view` gives the splits of the task.
+
+    Raises
+    ------
+    GranbenchError
+        If the dataset cannot be had, or is not the one that the task names.
+    """
+    file = task.dataset.file
+    name = f"{task.dataset.name}@{task.dataset.version}"
+    path = dataset_file(name) if file is None else task_file(file)
+    records = open_records(path)
+    try:
+        task.view(records)  # refuses other records than the task names
+    except GranbenchError:
+        records.close()
+        raise
+    return records
+
+
+@contextmanager
+def records_at_hand(task: Task) -> Iterator[xr.Dataset | None]:
+    """The whole dataset of a task if it is on this machine, else None; nothing is fetched."""
+    entry = _entry(task)
+    if task.dataset.file is None and (entry is None or local_file(entry) is None):
+        yield None
+        return
+    with task_records(task) as records:
+        yield records
+
+
+def _parsed(path: Path) -> Task:
+    try:
+        fields: Any = yaml.safe_load(path.read_text(encoding="utf-8"))
+        task = Task.model_validate(fields)
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise RegistryError(f"{path}: is not YAML ({reason}); correct the task") from error
+    except OSError as error:
+        raise RegistryError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except ValidationError as error:
+        raise RegistryError(f"{path}: {complaint(error)}; correct the task") from error
+    if not REGISTERED_NAME.fullmatch(task.id) or "@" in task.id:
+        raise RegistryError(
+            f"{path}: id: {task.id!r} may hold small letters, digits and dashes only"
+        )
+    return task
+
+
+def _require_registered(task: Task, path: Path) -> None:
+    entry = _entry(task)
+    if entry is None:
+        registered = [known for known in entries() if known.id == task.dataset.name]
+        versions = ", ".join(known.version for known in registered)
+        field = f"dataset.version: {task.dataset.name} has" if registered else "dataset.name:"
+        there = (
+            f"versions {versions}, not {task.dataset.version!r}"
+            if registered
+            else f"{task.dataset.name!r} is not registered"
+        )
+        raise RegistryError(
+            f"{path}: {field} {there}; use a dataset of `granbench data list`, or give the netCDF "
+            "file beside the task as dataset.file"
+        )
+    if entry.content_sha256 != task.dataset.content_sha256:
+        raise RegistryError(
+            f"{path}: dataset.content_sha256 is {task.dataset.content_sha256[:12]}..., but that of "
+            f"{entry.id} {entry.version} is {entry.content_sha256}; correct the task"
+        )
+
+
+def _entry(task: Task) -> RegistryEntry | None:
+    wanted = (task.dataset.name, task.dataset.version)
+    return next((known for known in entries() if (known.id, known.version) == wanted), None)
+
+
+def _task_of_records(path: Path) -> Task:
+    with open_records(task_file(str(path))) as records:
+        alone = Task.of_records(records, str(path))
+    for task in registered_tasks():
+        here = task.dataset.model_copy(update={"file": str(path)})
+        if task.id == alone.id and here == alone.dataset:
+            return task.model_copy(update={"dataset": here})
+    return alone
+
+
+def _plugin_folders() -> Iterator[Path]:
+    for point in sorted(entry_points(group=ENTRY_POINTS), key=lambda point: point.name):
+        try:
+            folder = Path(str(files(point.value)))
+        except (ImportError, TypeError) as error:
+            raise RegistryError(
+                f"entry point {point.name!r} of the group {ENTRY_POINTS}: {point.value} is not a "
+                f"package with task files ({error}); correct or uninstall it"
+            ) from error
+        yield folder
+
+
+def _release(task: Task) -> tuple[int, ...]:
+    return tuple(int(part) for part in task.version.split("."))

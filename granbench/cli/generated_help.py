@@ -1,0 +1,29 @@
+"""Help texts with the names of what is registered, looked up when the help is shown."""
+
+import re
+from importlib.metadata import entry_points
+from typing import Any
+
+from typer.core import TyperCommand
+
+PLACE = re.compile(r"\{(\w+)\}")
+
+
+class CommandWithNames(TyperCommand):
+    """A command in whose help ``{problems}`` stands for all names in `granbench.problems`.
+
+    So for every group of entry points; nothing that is registered is imported.
+    """
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """See `TyperCommand.format_help`."""
+        for parameter in self.params:
+            text = getattr(parameter, "help", None)
+            if text:
+                parameter.help = PLACE.sub(_names, text)  # type: ignore[attr-defined]
+        super().format_help(ctx, formatter)
+
+
+def _names(place: re.Match[str]) -> str:
+    points = entry_points(group=f"granbench.{place[1]}")
+    return ", ".join(sorted({point.name for point in points})) or "none is registered"
