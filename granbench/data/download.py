@@ -281,7 +281,7 @@ def _check_answer(response: http.client.HTTPResponse, size: int, start: int) -> 
                 f"{size - 1} of {size}"
             )
     if "chunked" in response.headers.get("Transfer-Encoding", "").lower():
-        return  # a length beside it has no meaning
+        return  # a length header has no meaning then
     lengths = {length.strip() for length in response.headers.get_all("Content-Length", [])}
     if not lengths:
         return

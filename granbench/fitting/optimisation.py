@@ -57,7 +57,7 @@ class Effort:
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where each start ended.
+    """Final state of the search from each start.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def _damped_step(normal: Tensor, gradient: Tensor, damping: Tensor, vectors: Ten
     """-(J^T J + damping max(diag J^T J) I)^-1 J^T r, (start, parameter), within its bounds.
 
     No component is longer than allowed or leads out of the range that is searched. One that would
-    is held at its bound and the others are solved for anew, so that a parameter that hardly acts
+    is held at its bound and the others are solved for again, so that a parameter that hardly acts
     neither shortens the steps of those that do nor makes the search look as if it had arrived. The
     unconstrained numbers are of one size, so one damping holds all of them.
     """
