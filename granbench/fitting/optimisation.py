@@ -124,13 +124,13 @@ def levenberg_marquardt(
     vectors : (start, parameter)
     effort : when to stop
     on : called after each iteration
-    offset : (start, residual), added to the residuals; the bootstrap puts its noise there
-    stop : asked before each iteration; true ends the search where it is
+    offset : (start, residual), added to the residuals, for the noise of the bootstrap
+    stop : called before each iteration; true ends the search
 
     References
     ----------
     Levenberg (1944), Quart. Appl. Math. 2(2): the damping. Nielsen (1999), IMM-REP-1999-05: how it
-    follows the ratio of the decrease to what the linearisation promised.
+    follows the ratio of the decrease to that of the linearisation.
     """
     search = _Search(problem, vectors, offset, effort.tolerance)
     for iteration in range(effort.iterations):
