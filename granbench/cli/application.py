@@ -52,11 +52,11 @@ def granbench(
 
 
 app.add_typer(data.app, name="data")
-app.command()(generate.generate)
-app.command()(train.train)
-app.command()(evaluate.evaluate)
-app.command()(drive.drive)
-app.command()(fit.fit)
+app.command(cls=CommandWithNames)(generate.generate)
+app.command(cls=CommandWithNames)(train.train)
+app.command(cls=CommandWithNames)(evaluate.evaluate)
+app.command(cls=CommandWithNames)(drive.drive)
+app.command(cls=CommandWithNames)(fit.fit)
 app.command(cls=CommandWithNames)(fem.fem)
 app.add_typer(submission.app, name="submission")
 app.add_typer(leaderboard.app, name="leaderboard")

@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from granbench.cli.printing import print_json, say
-from granbench.cli.submission import Board, Dataset, File, Json, Quiet, rerun_bar
+from granbench.cli.shared_options import Json, Quiet
+from granbench.cli.submission import Board, Dataset, File, rerun_bar
 from granbench.errors import ConfigurationError, SubmissionError
 
 app = typer.Typer(help="The leaderboard: accept submissions, build the site.", no_args_is_help=True)

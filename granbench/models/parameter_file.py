@@ -24,7 +24,6 @@ from granbench.files.whole_file import whole_file
 from granbench.models.catalogue import find_model
 from granbench.models.classical import ClassicalCell
 
-
 EXPECTED = {
     "string_type": "text in quotes",
     "float_type": "a number in SI units, without quotes",
