@@ -10,18 +10,22 @@ from pathlib import Path
 
 from page_parts import table, with_part
 
-from granbench.benchmark.protocols import EMBEDDED
+from granbench.benchmark.axis import Highlight
+from granbench.benchmark.presentation import number, share
+from granbench.benchmark.registry import axes, headline_axis
 from granbench.benchmark.scorecard import ALL, Score
-from granbench.fem.statement import SOLVERS
 from granbench.leaderboard.board import accepted, default_folder
 from granbench.leaderboard.reference import replicate_scatters
 from granbench.leaderboard.submission import Submission
-from granbench.leaderboard.tables import RANKED_PROTOCOL, main_table, number, share
+from granbench.leaderboard.tables import headline_table
 
 PAGE = Path(__file__).with_name("scores.md")
-TASK, SPLIT, METRIC = "dem-triaxial", "test", "stress_mse_mean"
+TASK, SPLIT = "dem-triaxial", "test"
 LEAST = 1e-300
 """Stands for zero in a mean of logarithms."""
+HEADLINE = headline_axis().headline or Highlight("", "", "", "")
+COLUMNS = (HEADLINE, *(place for axis in axes() for place in axis.highlights))
+"""Of the table of tasks with analyses."""
 RANDOM_PATH_TASKS = ("gp-j2", "gp-dp", "gp-j2-hardening", "gp-ime", "gp-csuh")
 ANALYSED_TASKS = ("fem-ime", "fem-csuh")
 
@@ -34,7 +38,8 @@ def scores_table(submissions: Sequence[Submission], floor: float | None) -> str:
     submissions : of one task
     floor : normalised MSE that scatter between packings alone gives
     """
-    board = main_table(submissions, SPLIT, METRIC, floor)
+    board = headline_table(submissions, SPLIT, floor)
+    assert board is not None  # every accepted submission has the score
     rows = []
     for row in board.rows:
         shown = (
@@ -55,7 +60,7 @@ def rollout_table(by_task: Mapping[str, Sequence[Submission]]) -> str:
     known: dict[str, dict[str, Score]] = {}
     for task, submissions in by_task.items():
         for submission in submissions:
-            if score := _mean_score(submission, RANKED_PROTOCOL, SPLIT, METRIC):
+            if score := _score(submission, HEADLINE):
                 known.setdefault(submission.name, {})[task] = score
 
     def rank(name: str) -> tuple[int, float, str]:
@@ -78,12 +83,11 @@ def analyses_table(by_task: Mapping[str, Sequence[Submission]]) -> str:
     ----------
     by_task : submissions of each task that states analyses
     """
-    header = ("task", "model", "rollout, test paths", *(f"reaction, {name}" for name in SOLVERS),
-              *(f"steps before failure, {name}" for name in SOLVERS))  # fmt: skip
+    header = ("task", "model", *(place.title for place in COLUMNS))
     rows = []
     for task, submissions in by_task.items():
         found = [
-            (submission.name, [_mean_score(submission, *place) for place in _ANALYSED_PLACES])
+            (submission.name, [_score(submission, place) for place in COLUMNS])
             for submission in submissions
         ]
         for name, (rollout, *others) in sorted(found, key=lambda item: _error(item[1][1])):
@@ -92,18 +96,10 @@ def analyses_table(by_task: Mapping[str, Sequence[Submission]]) -> str:
     return table(header, rows)
 
 
-_ANALYSED_PLACES = (
-    (RANKED_PROTOCOL, SPLIT, METRIC),
-    *((f"{EMBEDDED}-{solver}", ALL, "reaction_error") for solver in SOLVERS),
-    *((f"{EMBEDDED}-{solver}", ALL, "reached_share") for solver in SOLVERS),
-)
-"""Protocol, split and metric of the columns of `analyses_table`."""
-
-
-def _mean_score(submission: Submission, protocol: str, split: str, metric: str) -> Score | None:
-    place = (protocol, split, ALL, metric)
+def _score(submission: Submission, place: Highlight) -> Score | None:
+    wanted = (place.protocol, place.split, ALL, place.metric)
     for score in submission.scores:
-        if (score.protocol, score.split, score.group, score.metric) == place:
+        if (score.protocol, score.split, score.group, score.metric) == wanted:
             return score
     return None
 

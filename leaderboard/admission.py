@@ -7,6 +7,7 @@ from pathlib import Path
 import xarray as xr
 
 from granbench.benchmark.predictions import open_predictions
+from granbench.benchmark.task import Task
 from granbench.errors import GranbenchError
 from granbench.leaderboard.originality import (
     Errors,
@@ -64,6 +65,7 @@ def examine(
     folder: Path | None,
     dataset: xr.Dataset | None = None,
     *,
+    task: Task | None = None,
     replace: bool = False,
     progress: Progress | None = None,
 ) -> Examination:
@@ -73,7 +75,7 @@ def examine(
     ----------
     file : the submission's JSON file
     folder : the board's; None for no board to compare with
-    dataset, progress : see `granbench.leaderboard.validation.recompute`
+    dataset, task, progress : see `granbench.leaderboard.validation.recompute`
     replace : whether a row of the same name may be replaced
 
     Raises
@@ -81,7 +83,7 @@ def examine(
     SubmissionError
         If it is not valid, whatever the board has.
     """
-    validated = recompute(file, dataset, progress=progress)
+    validated = recompute(file, dataset, task=task, progress=progress)
     errors = errors_of(validated.predictions, validated.records)
     rows = accepted(folder) if folder is not None else []
     rows = [row for row in rows if row.file.resolve() != file.resolve()]
@@ -197,7 +199,8 @@ def _of_rows(
 
 
 def _same_task(one: Submission, other: Submission) -> bool:
-    return (one.task, one.dataset) == (other.task, other.dataset)
+    places = ((item.task, item.task_version, item.dataset) for item in (one, other))
+    return len(set(places)) == 1
 
 
 def _copied(validated: Validated, errors: Errors | None, row: Row) -> bool:
@@ -221,4 +224,5 @@ def _evidence(submission: Submission) -> tuple[object, ...]:
     if model is None:
         return (submission.predictions.sha256 if submission.predictions else None,)
     digests = sorted(file.sha256 for file in model.files)
-    return (submission.task, submission.dataset.version, model.baseline, *digests)
+    where = (submission.task, submission.task_version, submission.dataset.version)
+    return (*where, model.baseline, *digests)

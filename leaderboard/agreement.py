@@ -1,34 +1,18 @@
-"""How closely numbers have to agree that were computed again."""
+"""How closely numbers have to agree that were computed again.
+
+How far a number may differ where its model was run again is said by its metric, see
+`granbench.benchmark.tolerance`.
+"""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from granbench.benchmark.axes.embedded.metrics import SPEED
-from granbench.benchmark.axes.physics.checks import CHECKS
-from granbench.benchmark.protocols import COST, EMBEDDED, PHYSICS
-from granbench.benchmark.scorecard import ALL, Curve, Score, Scorecard
+from granbench.benchmark.registry import axes, find_metric, find_part
+from granbench.benchmark.scorecard import Curve, Score, Scorecard
+from granbench.benchmark.tolerance import VALUE, Tolerance
 from granbench.errors import SubmissionError
 from granbench.leaderboard.submission import Submission
-
-REACTION_ERROR = "reaction_error"
-TIMED = "update_"
-"""Begins the metrics of the cost axis that are measured with a clock."""
-OF_LOST = (REACTION_ERROR, "volumetric_strain_error", "point_stress_mse")
-"""Errors that are compared by a factor where a model has lost an analysis. The ratio of the largest
-accelerations is not compared there: it is 1000 for a run that fails, and rounding decides whether
-it fails."""
-IN_STEPS = ("reached_share", "error_point_growth")
-"""Metrics of analyses that count output steps, or follow from counts of points in them."""
-SHARES_OF_PATHS = ("diverged_share", "failed_share", "violated_share", "kink_share")
-"""A path, or what few points of it are checked, counts or does not."""
-
-
-LOST = 0.2
-"""Error of the reaction, with any seed, beyond which a model has lost an analysis. It is chaotic
-then: rounding decides at which step it fails, and whether. `gru-change` on fem-ime, evaluated again
-with the same weights and its sums in another order, failed elsewhere: implicit errors of the
-reaction of 1.80 (biaxial) and 4.33 (wall) became 0.87 and 2.51."""
 
 
 @dataclass(frozen=True)
@@ -38,36 +22,27 @@ class Agreement:
     Parameters
     ----------
     source : what the latter come from, for messages
-    relative, absolute : tolerances; the larger counts
-    one_more : whether a share of paths may differ by one of them, and a median step by one step
-    share : by which a share of steps may differ
-    of_checks : share of a physics check's tolerance by which its violation may differ
-    of_analyses : share of an embedded score, or of 1 where it is a share, by which it may differ
-    of_lost : factor between two errors of curves and stress in an analysis that the model has
-        lost, see `LOST`, its square where they are squares. 1 for no such exception
-    of_lost_shares : by which a share of points or steps in such an analysis may differ
-    clock : factor between two timings
+    relative, absolute : tolerances of every number; the larger counts
+    rerun : whether the model was run again, so that the tolerance of each metric counts too
     """
 
     source: str
     relative: float
     absolute: float
-    one_more: bool = False
-    share: float = 0.0
-    of_checks: float = 0.0
-    of_analyses: float = 0.0
-    of_lost: float = 1.0
-    of_lost_shares: float = 0.0
-    clock: float = 1.0
+    rerun: bool = False
 
     def holds(self, score: Score, claimed: float | None, again: float | None) -> bool:
         """Whether two values of a score agree."""
         if claimed is None or again is None:
             return claimed is again
-        if _timed(score):
+        tolerance = tolerance_of(score.axis, score.metric)
+        if self.rerun and tolerance.clock is not None:
             ratio = claimed / again if again > 0.0 else math.inf
-            return self.close(claimed, again) or 1.0 / self.clock <= ratio <= self.clock
-        return self.close(claimed, again, self._slack(score, again))
+            return self.close(claimed, again) or 1.0 / tolerance.clock <= ratio <= tolerance.clock
+        part = find_part(score.protocol)
+        limit = None if part is None else part.limit
+        slack = tolerance.slack(again, score.n, limit) if self.rerun else 0.0
+        return self.close(claimed, again, slack)
 
     def close(self, claimed: float | None, again: float | None, slack: float = 0.0) -> bool:
         """Whether two numbers agree, apart from what they mean."""
@@ -77,52 +52,27 @@ class Agreement:
             claimed, again, rel_tol=self.relative, abs_tol=max(self.absolute, slack)
         )
 
-    def _slack(self, score: Score, again: float) -> float:
-        if score.axis == EMBEDDED:
-            counted = score.metric.endswith("_share") or score.metric in IN_STEPS
-            return self.of_analyses * (1.0 if counted else abs(again))
-        if self.one_more and score.unit == "step":
-            return 1.0
-        if self.one_more and score.metric in SHARES_OF_PATHS:
-            return 1.0 / max(score.n, 1)
-        if score.metric.endswith("_share"):
-            return self.share
-        if score.axis == PHYSICS and score.protocol in CHECKS:
-            # Where nothing is allowed, a share of a path's steps is counted: a few of them.
-            return self.of_checks * (CHECKS[score.protocol].tolerance or 0.1)
-        return 0.0
-
 
 RESCORED = Agreement("the predictions", relative=1e-6, absolute=1e-15)
 """Scores carry nine digits; sums in another order on another machine agree to twelve."""
 
-RERUN = Agreement(
-    "the model, run again",
-    relative=1e-3,
-    absolute=1e-8,
-    one_more=True,
-    share=1e-3,
-    of_checks=0.1,
-    of_analyses=0.02,
-    of_lost=3.0,
-    of_lost_shares=0.5,
-    clock=10.0,
-)
+RERUN = Agreement("the model, run again", relative=1e-3, absolute=1e-8, rerun=True)
 """The last bits of a run differ between machines, 1e-16 in double and 1e-7 in single precision a
 step; error control and recurrent networks enlarge that, and what is rounded to 15 bits then moves
 by 3e-5 now and then: some 1e-9 in a squared error. A value that lies on a limit may fall on its
-other side. A thousandth decides no ranking. Through the thousands of steps of an analysis a
-difference of 1e-13 stayed 1e-13 with the classical models and 1e-7 with a network 2e-7, as long as
-it followed the truth (`LOST`); one of 90 output steps, or of 64 points, may still fall on the other
-side of a limit. Clocks of machines, and of one machine on a busy day, differ by a few times; ten is
-a claim about another model."""
+other side. A thousandth decides no ranking."""
 
 
-def _timed(score: Score) -> bool:
-    """Whether a score is measured with a clock."""
-    if score.axis == EMBEDDED:
-        return score.metric.endswith(SPEED)
-    return score.axis == COST and score.metric.startswith(TIMED)
+def tolerance_of(axis: str, metric: str) -> Tolerance:
+    """How far two computations of a metric may differ.
+
+    Parameters
+    ----------
+    axis : name of the axis of a score
+    metric : its name; one that no axis has, such as "all", is compared as a value
+    """
+    found = find_metric(axis, metric)
+    return VALUE if found is None else found.tolerance
 
 
 def compare(
@@ -130,19 +80,19 @@ def compare(
 ) -> tuple[str, ...]:
     """Refuse a submission unless every score, curve and scale agrees.
 
-    In an analysis that the model has lost, numbers need only be of the right order; the board shows
-    the recomputed ones.
+    Where rounding decides a result (`Axis.lost_results`), numbers need only be of the right order;
+    the board shows the recomputed ones.
 
     Returns
     -------
-    Labels of the scores and curves of lost analyses that did not come out again
+    Labels of the scores and curves of such results that did not come out again
 
     Raises
     ------
     SubmissionError
         Naming the first that is missing, is not one of this benchmark, or differs.
     """
-    lost = lost_analyses(card.scores) if how.of_lost > 1.0 else set()
+    lost = lost_results(card.scores) if how.rerun else set()
     not_reproduced = []
     claimed = {item.key: item for item in submission.scores}
     for score_again in card.scores:
@@ -165,12 +115,11 @@ def compare(
         label = " / ".join(curve_again.key)
         if curve_again.key not in curves:
             raise SubmissionError(f"{path}: curve {label} is missing; submit every curve")
-        slack = how.of_analyses if curve_again.metric == "error_point_share" else 0.0
         curve = curves.pop(curve_again.key)
-        same = _same_curve(curve, curve_again, how, slack)
+        same = _same_curve(curve, curve_again, how)
         if not same and (curve_again.protocol, curve_again.group) in lost:
             not_reproduced.append(f"curve {label}")
-            same = _same_on_average(curve, curve_again, how)
+            same = _same_on_average(curve, curve_again)
         if not same:
             raise SubmissionError(f"{path}: curve {label} cannot be reproduced from {how.source}")
     if curves:
@@ -187,46 +136,44 @@ def compare(
     return tuple(not_reproduced)
 
 
-def lost_analyses(scores: Sequence[Score]) -> set[tuple[str, str]]:
-    """Protocol and group of every analysis that a model has lost, and of means over such.
+def lost_results(scores: Sequence[Score]) -> set[tuple[str, str]]:
+    """Protocol and group of results that rounding decides, on every axis.
 
     Parameters
     ----------
-    scores : recomputed ones: a claim of being lost would excuse the others
+    scores : recomputed ones: a claim may not excuse others
     """
-    lost = {
-        (score.protocol, score.group)
-        for score in scores
-        if score.axis == EMBEDDED and score.metric == REACTION_ERROR
-        and max((score.value or 0.0, *score.by_seed)) > LOST
-    }  # fmt: skip
-    return lost | {(protocol, ALL) for protocol, _ in lost}
+    return {place for axis in axes() for place in axis.lost_results(scores)}
 
 
 def _difference_of_lost(claimed: Score, again: Score, how: Agreement) -> str | None:
     found = f"its value is {claimed.value}, but {again.value} from {how.source}"
+    tolerance = tolerance_of(again.axis, again.metric)
+    lost = tolerance.lost
     if difference := _other_field(claimed, again, ("unit", "n"), how):
         return difference
     if claimed.value is None or again.value is None:
         # A run that ends early has no time; whether this one does, rounding decides.
-        return None if _timed(again) or claimed.value is again.value else found
+        timed = tolerance.clock is not None
+        return None if timed or claimed.value is again.value else found
     if len(claimed.by_seed) != len(again.by_seed) or not math.isclose(
         claimed.value, sum(claimed.by_seed) / len(claimed.by_seed), rel_tol=1e-6, abs_tol=1e-9
     ):
         return "its value is not the mean of its values by seed"
-    if again.metric.endswith("_share") and not 0.0 <= claimed.value <= 1.0:
-        return f"its value is {claimed.value}; a share is from 0 to 1"
-    if _timed(again):
+    if tolerance.clock is not None:
         return None if how.holds(again, claimed.value, again.value) else found
-    if again.metric.endswith("_share"):
-        far = abs(claimed.value - again.value) > how.of_lost_shares
+    if lost.absolute is not None:
+        if not 0.0 <= claimed.value <= 1.0:
+            return f"its value is {claimed.value}; a share is from 0 to 1"
+        far = abs(claimed.value - again.value) > lost.absolute
         return f"{found}, too far off even for an analysis that is lost" if far else None
-    if again.metric not in OF_LOST:
+    if lost.factor is None:
         return None
-    factor = how.of_lost**2 if again.metric.endswith("_mse") else how.of_lost
     one, other = sorted((claimed.value, again.value))
-    if other > factor * one:
-        return f"{found}, more than a factor of {factor:g} off even for an analysis that is lost"
+    if other > lost.factor * one:
+        return (
+            f"{found}, more than a factor of {lost.factor:g} off even for an analysis that is lost"
+        )
     return None
 
 
@@ -252,7 +199,13 @@ def _difference(claimed: Score, again: Score, how: Agreement) -> str | None:
     return None
 
 
-def _same_curve(claimed: Curve, again: Curve, how: Agreement, slack: float) -> bool:
+def _tolerance_of_curve(curve: Curve) -> Tolerance:
+    part = find_part(curve.protocol)
+    return VALUE if part is None else tolerance_of(part.axis, curve.metric)
+
+
+def _same_curve(claimed: Curve, again: Curve, how: Agreement) -> bool:
+    slack = _tolerance_of_curve(again).absolute if how.rerun else 0.0
     return (claimed.horizon, claimed.n, claimed.unit) == (
         again.horizon,
         again.n,
@@ -263,11 +216,13 @@ def _same_curve(claimed: Curve, again: Curve, how: Agreement, slack: float) -> b
     )
 
 
-def _same_on_average(claimed: Curve, again: Curve, how: Agreement) -> bool:
+def _same_on_average(claimed: Curve, again: Curve) -> bool:
     """Whether two curves of shares in a lost analysis are of one order."""
-    return (claimed.horizon, claimed.n, claimed.unit) == (again.horizon, again.n, again.unit) and (
-        all(0.0 <= value <= 1.0 for value in claimed.value)
-        and abs(sum(claimed.value) - sum(again.value)) <= how.of_lost_shares * len(again.value)
+    allowed = _tolerance_of_curve(again).lost.absolute
+    return allowed is not None and (
+        (claimed.horizon, claimed.n, claimed.unit) == (again.horizon, again.n, again.unit)
+        and all(0.0 <= value <= 1.0 for value in claimed.value)
+        and abs(sum(claimed.value) - sum(again.value)) <= allowed * len(again.value)
         and (len(claimed.low), len(claimed.high)) == (len(again.low), len(again.high))
     )
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import xarray as xr
 
+from granbench.benchmark.task import Task
 from granbench.errors import SubmissionError
 from granbench.files.whole_file import cannot_write
 from granbench.leaderboard.admission import MINIMUM_SEEDS, Examination, examine
@@ -36,6 +37,7 @@ def accept(
     folder: Path,
     dataset: xr.Dataset | None = None,
     *,
+    task: Task | None = None,
     replace: bool = False,
     word: str | None = None,
     progress: Progress | None = None,
@@ -49,7 +51,7 @@ def accept(
     ----------
     file : the submission's JSON file
     folder : the board's folder
-    dataset, progress : see `granbench.leaderboard.validation.recompute`
+    dataset, task, progress : see `granbench.leaderboard.validation.recompute`
     replace : whether a submission of the same name may be replaced
     word : why a maintainer accepts what the checks flag as a copy; kept in the row
 
@@ -65,7 +67,7 @@ def accept(
     """
     if word is not None and not 1 <= len(word.strip()) <= LONGEST_WORD:
         raise SubmissionError(f"word must be a sentence of 1 to {LONGEST_WORD} characters")
-    examination = examine(file, folder, dataset, replace=replace, progress=progress)
+    examination = examine(file, folder, dataset, task=task, replace=replace, progress=progress)
     refuse_objections(file, examination, word)
     submission = examination.submission
     flagged = any(objection.flagged for objection in examination.objections)

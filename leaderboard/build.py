@@ -9,33 +9,18 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 
 from granbench import __version__
-from granbench.benchmark.axes.embedded.metrics import EMBEDDED_METRICS
-from granbench.benchmark.axes.physics.checks import CHECKS
-from granbench.benchmark.metrics import METRIC_VERSION
-from granbench.benchmark.protocols import EMBEDDED, PROTOCOLS
+from granbench.benchmark.metric import METRIC_VERSION
 from granbench.benchmark.scorecard import ALL
 from granbench.data.replicates import ReplicateScatter
 from granbench.errors import ConfigurationError, SubmissionError
 from granbench.files.whole_file import cannot_write
-from granbench.leaderboard.agreement import lost_analyses
-from granbench.leaderboard.analyses import analyses_charts, analyses_tables
-from granbench.leaderboard.chart import horizon_chart
-from granbench.leaderboard.laws_and_cost import cost_table, physics_table
 from granbench.leaderboard.ranking import PathErrorsByName, answers_once, standing
 from granbench.leaderboard.rows import Row, slug
 from granbench.leaderboard.sealing import require_seal
 from granbench.leaderboard.showable import require_showable
-from granbench.leaderboard.submission import Submission
-from granbench.leaderboard.tables import (
-    FAMILY_METRICS,
-    family_table,
-    lines_of,
-    main_table,
-    metrics_shown,
-)
+from granbench.leaderboard.task_page import task_page
 
 STATIC_FILES = ("board.css", "board.js")
 BOARD_FILE = "leaderboard.json"
@@ -54,7 +39,7 @@ def build(
     rows : the submissions to show
     out : folder of the site; an older site there is replaced
     scatter : scatter between packings by dataset name and version, shown as a reference
-    errors : of single paths by dataset name and version, for ranks; without them the intervals of
+    errors : of single paths by `Submission.board`, for ranks; without them the intervals of
         the rows decide who shares one
 
     Returns
@@ -120,7 +105,7 @@ def _by_board(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
                 f"{row.file}: follows metric version {submission.metric_version}, this board "
                 f"{METRIC_VERSION}; evaluate the model again"
             )
-        board = boards.setdefault((submission.task, submission.dataset.version), [])
+        board = boards.setdefault(submission.board, [])
         if any(slug(other.submission.name) == slug(submission.name) for other in board):
             raise SubmissionError(
                 f"{row.file}: {submission.name!r} is on the board of {submission.task} already; "
@@ -149,8 +134,9 @@ def _render(
     shared = {"granbench_version": __version__, "metric_version": METRIC_VERSION}
     pages = []
     for (task, version), board in boards.items():
-        place = (task, version)
-        page = _page(task, version, board, scatter.get(place), errors.get(place, {}))
+        dataset = board[0].submission.dataset
+        floor = scatter.get((dataset.name, dataset.version))
+        page = task_page(task, version, board, floor, errors.get((task, version), {}))
         pages.append(page)
         html = environment.get_template("task.html.j2").render(**shared, page=page)
         (folder / page["file"]).write_text(html, encoding="utf-8")
@@ -166,89 +152,6 @@ def _render(
     content = {**shared, "tasks": [_summary(page, boards) for page in pages]}
     text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
     (folder / BOARD_FILE).write_text(text + "\n", encoding="utf-8")
-
-
-def _page(
-    task: str,
-    version: str,
-    board: list[Row],
-    scatter: ReplicateScatter | None,
-    errors: PathErrorsByName,
-) -> dict[str, Any]:
-    submissions = [row.submission for row in board]
-    scores = [score for submission in submissions for score in submission.scores]
-    splits = list(dict.fromkeys(score.split for score in scores if score.split != ALL))
-    shown = metrics_shown(submissions)
-    name = slug(f"{task}-{version}")
-    floor = scatter.floor_mse if scatter else None
-    views = [
-        main_table(submissions, split, metric, floor, errors)
-        for split in splits
-        for metric in shown
-    ]
-    return {
-        "task": task,
-        "version": version,
-        "slug": name,
-        "file": f"{name}.html",
-        "splits": [
-            {
-                "name": split,
-                "paths": max(s.n for s in scores if s.split == split and s.group == ALL),
-                "charts": _charts(submissions, split, floor),
-                "physics": physics_table(submissions, split),
-                "families": [
-                    table
-                    for metric in FAMILY_METRICS
-                    if (table := family_table(submissions, split, metric)) is not None
-                ],
-            }
-            for split in splits
-        ],
-        "metrics": shown,
-        "analyses": analyses_tables(submissions),
-        "analyses_charts": analyses_charts(submissions),
-        "embedded_metrics": EMBEDDED_METRICS.values(),
-        "checks": CHECKS.values(),
-        "cost": cost_table(submissions),
-        "views": views,
-        "submissions": sorted(submissions, key=lambda item: (item.role != "model", item.name)),
-        "dataset": submissions[0].dataset,
-        "scatter": scatter,
-        "void_ratio": any(
-            score.metric == "void_ratio_mse_mean" and score.value for score in scores
-        ),
-        "leader": views[0].leader,
-        "lost": {
-            submission.name: _lost(submission)
-            for submission in submissions
-            if submission.badge == "rerun"
-        },
-    }
-
-
-def _lost(submission: Submission) -> list[str]:
-    """Analyses that a model has lost, so that rounding decides what comes out."""
-    return sorted(
-        f"{group.replace('-', ' ')} ({protocol.removeprefix(f'{EMBEDDED}-')})"
-        for protocol, group in lost_analyses(submission.scores)
-        if group != ALL
-    )
-
-
-def _charts(submissions: list[Any], split: str, floor: float | None) -> list[dict[str, Any]]:
-    charts = []
-    for spec in PROTOCOLS.values():
-        lines = lines_of(submissions, split, spec.name)
-        # A window starts from this packing's own truth, so scatter between packings is no
-        # floor for it.
-        reference = floor if spec.restart is None else None
-        title = f"{spec.title}, split {split}: stress error against horizon"
-        chart: Markup | None = horizon_chart(lines, title, reference)
-        if chart is not None:
-            zero = [line.name for line in lines if not any(line.value)]
-            charts.append({"title": spec.title, "svg": chart, "zero": zero})
-    return charts
 
 
 def _summary(page: dict[str, Any], boards: dict[tuple[str, str], list[Row]]) -> dict[str, Any]:

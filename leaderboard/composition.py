@@ -8,16 +8,15 @@ from pathlib import Path
 
 import xarray as xr
 
-from granbench.benchmark.every_axis import score
-from granbench.benchmark.metrics import METRIC_VERSION
+from granbench.benchmark.metric import METRIC_VERSION
 from granbench.benchmark.predictions import (
-    evaluated,
     is_deterministic,
     open_predictions,
     write_predictions,
 )
+from granbench.benchmark.scoring import score
+from granbench.benchmark.task import FIRST_VERSION, Task
 from granbench.cells.find import FoundModel
-from granbench.data.normalisation import Normalisation
 from granbench.data.splits import split_hash
 from granbench.errors import ConfigurationError, SubmissionError
 from granbench.files.whole_file import cannot_write
@@ -66,18 +65,20 @@ def compose(
     about: About,
     out: Path,
     *,
+    task: Task | None = None,
     model: FoundModel | None = None,
 ) -> Submission:
-    """Score predictions as they are stored, and write the submission and what bears it out.
+    """Score predictions as they are stored, and write the submission with its predictions or model.
 
     All files appear, or none.
 
     Parameters
     ----------
-    predictions : of every scored path of `dataset`
-    dataset : the whole records of the task
-    about : what the submitter says; who scores zero everywhere becomes the ceiling
+    predictions : of every scored path of the task
+    dataset : the whole dataset of the task, as it is in its file
+    about : what the submitter says; a model whose every error is zero becomes the ceiling
     out : the submission's JSON file; the predictions get the same name ending in .nc
+    task : what was evaluated; None for the records alone, which have no analyses
     model : kept in place of the predictions, in a folder of that name ending in .model
 
     Raises
@@ -85,8 +86,8 @@ def compose(
     ConfigurationError
         See `check_target`.
     SubmissionError
-        If the files cannot be written, the predictions do not fit the dataset, or the model is
-        more than data.
+        If the files cannot be written, the predictions do not fit the dataset, or the model has
+        code of its own.
     """
     final = check_target(out)
     described = predictions.assign_attrs(
@@ -96,7 +97,7 @@ def compose(
         with tempfile.TemporaryDirectory(dir=out.parent, prefix=f".{out.stem}.") as folder:
             file, text = Path(folder) / final.name, Path(folder) / out.name
             write_predictions(described, file)
-            submission = _scored(file, dataset, about)
+            submission = _scored(file, dataset, about, task or Task.of_records(dataset))
             if model is None:
                 write_submission(submission, text)
                 os.replace(file, final)
@@ -114,18 +115,18 @@ def compose(
     return submission
 
 
-def _scored(file: Path, dataset: xr.Dataset, about: About) -> Submission:
+def _scored(file: Path, dataset: xr.Dataset, about: About, task: Task) -> Submission:
     stored = open_predictions(file)
-    card = score(stored, evaluated(dataset), Normalisation.from_training(dataset))
-    name = str(dataset.attrs["dataset"])
-    # Who scores zero everywhere knows the answers: it frames the table, it does not lead it.
+    card = score(stored, task.scored(dataset), task.normalisation(dataset), task)
+    # A model whose every error is zero has read the answers: it is shown as a bound, not ranked.
     role = "ceiling" if card.perfect else about.role
     return Submission(
         **about.model_dump() | {"role": role, "deterministic": is_deterministic(stored) or None},
         metric_version=card.metric_version,
-        task=name,
+        task=task.id,
+        task_version=None if task.version == FIRST_VERSION else task.version,
         dataset=DatasetReference(
-            name=name,
+            name=str(dataset.attrs["dataset"]),
             version=str(dataset.attrs["version"]),
             content_sha256=str(dataset.attrs["content_sha256"]),
             split_sha256=split_hash(dataset),

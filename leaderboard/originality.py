@@ -12,19 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from granbench.benchmark.predictions import evaluated, quantise
-from granbench.benchmark.protocols import COST, EMBEDDED, PROTOCOLS
+from granbench.benchmark.axis import PathSample
+from granbench.benchmark.comparison import CEILING
+from granbench.benchmark.predictions import evaluated
+from granbench.benchmark.registry import find_axis, find_metric, find_part, headline_axis
 from granbench.benchmark.scorecard import Score
-from granbench.benchmark.statistics import CEILING, align
+from granbench.benchmark.scoring import scored_predictions
 from granbench.cells.baseline import find_baseline
 from granbench.data.normalisation import Normalisation
 from granbench.data.replicates import replicate_scatter
 from granbench.errors import DatasetError, ModelError
 from granbench.models import MODELS
-
-ROLLOUT = "rollout"
-CLEAN = tuple(spec.name for spec in PROTOCOLS.values() if not spec.noise)
-"""Protocols whose predictions do not depend on the seed of the noise."""
 
 IDENTICAL_SHARE = 0.5
 """Of the stored values of whole paths, from which on two predictions are one. Two honest models
@@ -67,24 +65,35 @@ class Errors:
 
 
 def errors_of(predictions: xr.Dataset, records: xr.Dataset) -> Errors | None:
-    """Errors of the whole-path rollout; None where it was left out.
+    """Errors under the protocol that models are ranked by; None where it was left out.
 
     Parameters
     ----------
     predictions : see `granbench.benchmark.predictions`
     records : the whole dataset of the task
     """
-    if "stress" not in predictions or ROLLOUT not in predictions["protocol"].values:
+    headline = headline_axis().headline
+    samples = _path_samples(predictions, records)
+    if headline is None or headline.protocol not in samples:
         return None
-    truth = align(evaluated(records), predictions)
-    order = np.argsort(truth["path_id"].values.astype(str))
-    scale = Normalisation.from_training(records).std["stress"]
-    stress = predictions["stress"].sel(protocol=ROLLOUT).values[:, order, 1:]
-    predicted = quantise(stress).astype(np.float64)
-    true = quantise(truth["stress"].values[order][:, 1:]).astype(np.float64)
-    error = np.clip((predicted - true) / scale, -CEILING, CEILING)
-    names = tuple(truth["path_id"].values[order].astype(str))
-    return Errors(predicted, true, np.nan_to_num(error, nan=CEILING), names)
+    sample = samples[headline.protocol]
+    names = predictions["path_id"].values.astype(str)
+    order = np.argsort(names)
+    predicted, true = sample.predicted[:, order], sample.true[order]
+    error = np.clip((predicted - true) / sample.stress_scale, -CEILING, CEILING)
+    return Errors(predicted, true, np.nan_to_num(error, nan=CEILING), tuple(names[order]))
+
+
+def _path_samples(predictions: xr.Dataset, records: xr.Dataset) -> dict[str, PathSample]:
+    """Predicted and true stress of every protocol of the axis that models are ranked on."""
+    axis = headline_axis()
+    normalisation = Normalisation.from_training(records)
+    scored = scored_predictions(predictions, evaluated(records), normalisation)
+    return {
+        part.name: axis.sample(scored, part)
+        for part in axis.parts
+        if axis.was_run(predictions, part)
+    }
 
 
 def is_classical(baseline: str | None) -> bool:
@@ -110,16 +119,9 @@ def copied_protocols(predictions: xr.Dataset, records: xr.Dataset) -> Iterator[s
     predictions : see `granbench.benchmark.predictions`
     records : the whole dataset of the task
     """
-    if "stress" not in predictions:
-        return
-    true = quantise(align(evaluated(records), predictions)["stress"].values)
-    for name in predictions["protocol"].values:
-        mine = predictions["stress"].sel(protocol=name).values
-        truths = [true]
-        if "noised_truth" in predictions and name in predictions["noise"].values:
-            truths.append(predictions["noised_truth"].sel(noise=name).values)
-        for truth in truths:
-            same = float((mine == truth)[..., 1:, :].mean())
+    for name, sample in _path_samples(predictions, records).items():
+        for truth in sample.truths:
+            same = float((sample.predicted == truth).mean())
             if same > IDENTICAL_SHARE:
                 yield f"{100.0 * same:.3g} % of its stresses under {name} are those of the truth"
 
@@ -222,14 +224,19 @@ def same_scores(one: Sequence[Score], other: Sequence[Score]) -> bool:
 
 
 def _mean_errors(scores: Sequence[Score]) -> dict[tuple[str, ...], tuple[float, ...]]:
-    return {
-        score.key: score.by_seed
-        for score in scores
-        if score.status == "scored"
-        and score.protocol in CLEAN
-        and score.metric.endswith("mse_mean")
-        and score.by_seed
-    }
+    found = {}
+    for score in scores:
+        metric = find_metric(score.axis, score.metric)
+        compared = metric is not None and metric.finds_copies and not _seeded(score)
+        if compared and score.status == "scored" and score.by_seed:
+            found[score.key] = score.by_seed
+    return found
+
+
+def _seeded(score: Score) -> bool:
+    """Whether the seed of a deterministic model changes a score."""
+    part = find_part(score.protocol)
+    return part is not None and part.seeded
 
 
 def is_deterministic(scores: Sequence[Score]) -> bool:
@@ -240,11 +247,13 @@ def is_deterministic(scores: Sequence[Score]) -> bool:
     scores : of a submission; where it has one seed alone, nothing is known
     """
     compared = [
-        score.by_seed
-        for score in scores
-        if score.status == "scored"
-        and (score.protocol in CLEAN or (score.axis == EMBEDDED and "speed" not in score.metric))
-        and score.axis != COST
+        score.by_seed for score in scores if score.status == "scored" and _tells_seeds_apart(score)
     ]
     several = [values for values in compared if len(values) > 1]
     return bool(several) and all(len(set(values)) == 1 for values in several)
+
+
+def _tells_seeds_apart(score: Score) -> bool:
+    axis, metric = find_axis(score.axis), find_metric(score.axis, score.metric)
+    timed = metric is not None and metric.tolerance.clock is not None
+    return axis is not None and axis.tells_models_apart and not timed and not _seeded(score)

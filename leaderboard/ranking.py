@@ -13,16 +13,16 @@ from functools import partial
 import numpy as np
 
 from granbench.benchmark.bootstrap import Resampling, weighted_mean
+from granbench.benchmark.metric import Direction
 from granbench.benchmark.predictions import evaluated, open_predictions
+from granbench.benchmark.registry import headline_axis
 from granbench.benchmark.scorecard import Score
-from granbench.data.store import load
 from granbench.errors import GranbenchError
 from granbench.leaderboard.admission import MINIMUM_SEEDS
 from granbench.leaderboard.originality import errors_of, is_classical, is_deterministic
 from granbench.leaderboard.rows import Row
 from granbench.leaderboard.submission import Submission
-
-PAIRED_METRIC = "stress_mse_mean"
+from granbench.leaderboard.submitted_task import records_of, task_of
 
 
 @dataclass(frozen=True)
@@ -82,9 +82,11 @@ def path_errors(rows: Iterable[Row]) -> dict[str, PathErrors]:
     with_predictions = [row for row in rows if row.submission.predictions is not None]
     if len(with_predictions) < 2:
         return found
-    dataset = with_predictions[0].submission.dataset
+    first = with_predictions[0]
     try:
-        with load(f"{dataset.name}@{dataset.version}") as records:
+        task = task_of(first.submission, first.file)
+        with records_of(task, first.file) as whole:
+            records = task.view(whole)
             scored = evaluated(records)
             order = np.argsort(scored["path_id"].values.astype(str))
             labels = [scored[name].values.astype(str)[order] for name in _LABELS]
@@ -103,19 +105,30 @@ def path_errors(rows: Iterable[Row]) -> dict[str, PathErrors]:
 _LABELS = ("path_id", "specimen", "split")
 
 
+def worse(value: float, direction: Direction) -> float:
+    """A number that grows as a value gets worse."""
+    if direction == "target 1":
+        return abs(value - 1.0)
+    return -value if direction == "higher" else value
+
+
 def shared_ranks(
-    scores: Mapping[str, Score], split: str, metric: str, errors: PathErrorsByName
+    scores: Mapping[str, Score],
+    split: str,
+    errors: PathErrorsByName,
+    direction: Direction = "lower",
 ) -> dict[str, str]:
     """Ranks by name, such as "1", or "2=" where a rank is shared.
 
     Parameters
     ----------
     scores : of the ranked models, with a value each
-    split, metric : which scores they are
+    split : of the records
     errors : of single paths, where they are at hand
+    direction : which values are better
     """
-    names = sorted(scores, key=lambda name: (scores[name].value or 0.0, name))
-    tied: Callable[[str, str], bool] = partial(_tied, scores, split, metric, errors)
+    names = sorted(scores, key=lambda name: (worse(scores[name].value or 0.0, direction), name))
+    tied: Callable[[str, str], bool] = partial(_tied, scores, split, errors)
     numbers: dict[str, int] = {}
     leader = ""
     for place, name in enumerate(names, start=1):
@@ -131,10 +144,11 @@ def shared_ranks(
 
 
 def _tied(
-    scores: Mapping[str, Score], split: str, metric: str, errors: PathErrorsByName,
-    one: str, other: str,
-) -> bool:  # fmt: skip
-    if metric == PAIRED_METRIC and one in errors and other in errors:
+    scores: Mapping[str, Score], split: str, errors: PathErrorsByName, one: str, other: str
+) -> bool:
+    headline = headline_axis().headline
+    paired = headline is not None and scores[one].metric == headline.metric
+    if paired and one in errors and other in errors:
         return _no_difference(errors[one], errors[other], split)
     return overlapping(scores[one], scores[other])
 

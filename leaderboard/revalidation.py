@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from granbench import __version__
-from granbench.benchmark.metrics import METRIC_VERSION
+from granbench.benchmark.metric import METRIC_VERSION
 from granbench.errors import ConfigurationError, GranbenchError, SubmissionError
 from granbench.files.whole_file import whole_file
 from granbench.leaderboard.admission import examine

@@ -3,7 +3,6 @@
 from itertools import pairwise
 from pathlib import Path
 
-from granbench.benchmark.protocols import COST, EMBEDDED
 from granbench.benchmark.scorecard import ALL, Curve, Score
 from granbench.errors import SubmissionError
 from granbench.leaderboard.submission import Submission
@@ -49,7 +48,8 @@ def _refused(file: Path, what: str) -> SubmissionError:
 
 
 def _of_score(score: Score) -> str | None:
-    if score.axis not in (COST, EMBEDDED) and score.n < 1:  # those two count no paths
+    # What belongs to no split, and an axis as a whole that does not apply, count no paths.
+    if score.split != ALL and score.metric != ALL and score.n < 1:
         return "n must be at least 1"
     if score.n > LARGEST:
         return f"n is above {LARGEST:g}"

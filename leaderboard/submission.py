@@ -176,6 +176,9 @@ class Submission(About):
     schema_version: Literal["1.0", "1.1", "1.2"] = "1.2"
     metric_version: Word
     task: Line
+    task_version: Annotated[str, StringConstraints(pattern=r"^\d+\.\d+\.\d+$")] | None = Field(
+        default=None, description="version of the task; null: 1.0.0"
+    )
     dataset: DatasetReference
     seeds: tuple[Seed, ...] = Field(min_length=1, max_length=MOST_SEEDS)
     deterministic: bool | None = Field(
@@ -195,6 +198,14 @@ class Submission(About):
     scores: tuple[Score, ...] = Field(min_length=1, max_length=MOST_SCORES)
     curves: tuple[Curve, ...] = Field(default=(), max_length=MOST_SCORES)
     acceptance: Acceptance | None = None
+
+    @property
+    def board(self) -> tuple[str, str]:
+        """Name and version of the board page that shows it: of its task and its dataset."""
+        version = self.dataset.version
+        return self.task, version if self.task_version is None else (
+            f"{version}+task.{self.task_version}"
+        )
 
     @model_validator(mode="after")
     def _has_evidence(self) -> "Submission":

@@ -1,14 +1,11 @@
-"""What the pages show: scores of submissions as tables and lines."""
+"""Tables of the pages: what an axis shows of its scores, with ranks, colours and an order."""
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from markupsafe import Markup, escape
-
-from granbench.benchmark.metrics import metrics
-from granbench.benchmark.protocols import PROTOCOLS
-from granbench.benchmark.scorecard import ALL, Curve, Score
+from granbench.benchmark.metric import Direction
+from granbench.benchmark.presentation import BoardView, Cell, ModelTable, Section
+from granbench.benchmark.registry import axes, headline_axis
 from granbench.leaderboard.ranking import (
     PathErrorsByName,
     few_seeds,
@@ -16,55 +13,10 @@ from granbench.leaderboard.ranking import (
     ranked_last,
     shared_ranks,
     standing,
+    worse,
 )
 from granbench.leaderboard.submission import Submission
-from granbench.plotting.error_curves import ErrorLine
-from granbench.plotting.style import ModelStyle, model_styles
-
-_TITLES = {metric.name: metric.title for metric in metrics([], "noise")}
-METRICS_SHOWN: dict[str, str] = {
-    name: _TITLES[name]
-    for name in (
-        "stress_mse_mean",
-        "stress_mse_median",
-        "stress_mse_worst",
-        "void_ratio_mse_mean",
-        "output_mse_mean",
-        "relative_error_mean",
-        "error_point_share",
-        "diverged_share",
-        "failed_share",
-    )
-}
-RECOMPUTED_METRICS: dict[str, str] = {
-    name: _TITLES[name] for name in ("recomputed_mse_mean", "recomputed_mse_worst")
-}
-"""Shown where a model made the records, so that there is a truth along noised strain."""
-FAMILY_METRICS = ("stress_mse_mean", "relative_error_mean")
-SHARES = ("error_point_share", "diverged_share", "failed_share", "relative_error_mean")
-RANKED_PROTOCOL = "rollout"
-SMALLEST_EXPONENT = -300
-"""Of a power of ten that both ends of an interval are divided by."""
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One number of a table as it is shown.
-
-    Parameters
-    ----------
-    text : the value, or what stands for it
-    sort : the number that it is sorted by; None puts it last either way
-    interval : 95 % interval, "" where there is none
-    note : what stands behind it, shown on hovering
-    best : whether it is the best of the ranked models
-    """
-
-    text: Markup
-    sort: float | None = None
-    interval: Markup | str = ""
-    note: str = ""
-    best: bool = False
+from granbench.plotting.style import model_styles
 
 
 @dataclass(frozen=True)
@@ -74,7 +26,7 @@ class TableRow:
     Parameters
     ----------
     name, colour, cells : what it shows
-    submission : None for the scatter between packings
+    submission : None for a reference that is no model
     rank : such as "1", or "1=" where it is shared; "" of what is not ranked
     """
 
@@ -97,18 +49,16 @@ class TableRow:
 
 @dataclass(frozen=True)
 class Table:
-    """Models against protocols or loading families, for one split and metric.
+    """Models against columns of numbers.
 
     Parameters
     ----------
-    split, metric, title : what it shows
+    title : also read out by screen readers
     columns : headings of the scores
     rows : models, the best first
     ordered_by : index of the column that they are ordered by
     """
 
-    split: str
-    metric: str
     title: str
     columns: tuple[str, ...]
     rows: tuple[TableRow, ...]
@@ -125,211 +75,98 @@ class Table:
         return " and ".join(shared or [best.name])
 
 
-def metrics_shown(submissions: Sequence[Submission]) -> dict[str, str]:
-    """Metrics that a page offers, with their titles."""
-    recomputed = any(
-        score.metric in RECOMPUTED_METRICS and score.value is not None
-        for submission in submissions
-        for score in submission.scores
-    )
-    return METRICS_SHOWN | (RECOMPUTED_METRICS if recomputed else {})
+def sections(board: BoardView) -> list[Section]:
+    """The sections of a task's page, axis after axis."""
+    return [section for axis in axes() for section in axis.board_sections(board)]
 
 
-def main_table(
+def headline_table(
     submissions: Sequence[Submission],
     split: str,
-    metric: str,
-    floor: float | None,
+    floor: float | None = None,
     errors: PathErrorsByName | None = None,
-) -> Table:
-    """Every protocol's score of one metric, ordered by that of the whole-path rollout.
+) -> Table | None:
+    """The scores of one split that models are ranked by; None where nobody has any.
 
     Parameters
     ----------
     submissions : of one task
-    split, metric : which scores
+    split : which scores
     floor : normalised MSE of stress that scatter between packings alone gives
     errors : of single paths by model, where they are at hand, for ranks
     """
-    columns = [(spec.title, spec.name, ALL) for spec in PROTOCOLS.values()]
-    table = _table(submissions, split, metric, columns, errors or {})
-    if metric != "stress_mse_mean" or floor is None:
-        return table
-    cells = tuple(
-        Cell(number(floor), floor, note="half the mean square between packings made alike")
-        if spec.name == RANKED_PROTOCOL
-        else Cell(Markup("–"), note="scatter between packings is a floor of whole paths only")
-        for spec in PROTOCOLS.values()
-    )
-    scatter = TableRow("replicate scatter", "", None, cells)
-    return replace(table, rows=ordered([*table.rows, scatter], table.ordered_by))
+    axis = headline_axis()
+    for section in axis.board_sections(BoardView(submissions, [split], floor)):
+        for block in section.blocks:
+            if axis.headline and block.table and block.metric == axis.headline.metric:
+                return board_table(block.table, submissions, split, errors)
+    return None
 
 
-def family_table(submissions: Sequence[Submission], split: str, metric: str) -> Table | None:
-    """Whole-path scores of one metric by loading family; None where there is one family."""
-    families = sorted(
-        {
-            score.group
-            for submission in submissions
-            for score in submission.scores
-            if score.split == split and score.group != ALL
-        }
-    )
-    if len(families) < 2:
-        return None
-    columns = [(family, RANKED_PROTOCOL, family) for family in families]
-    return _table(submissions, split, metric, columns)
-
-
-def lines_of(submissions: Sequence[Submission], split: str, protocol: str) -> list[ErrorLine]:
-    """The error curves of one protocol and split."""
-    styles = model_styles(submission.name for submission in submissions)
-    lines = []
-    for submission in submissions:
-        for curve in submission.curves:
-            if (curve.split, curve.protocol) == (split, protocol):
-                lines.append(line_of(submission.name, styles[submission.name], curve))
-    return lines
-
-
-def line_of(name: str, style: ModelStyle, curve: Curve) -> ErrorLine:
-    """A model's curve in its colour and line style."""
-    return ErrorLine(name, style, curve.horizon, curve.value, curve.low, curve.high)
-
-
-def number(value: float) -> Markup:
-    """Three significant digits; small and large ones as a power of ten."""
-    if value == 0.0:
-        return Markup("0")
-    if 1e-2 <= abs(value) < 1e4:
-        digits = f"{value:.3g}"
-        return Markup(escape(f"{value:.0f}" if "e" in digits else digits))
-    mantissa, exponent = f"{value:.2e}".split("e")
-    power = str(int(exponent)).replace("-", "−")
-    return Markup(f"{mantissa}·10<sup>{power}</sup>")
-
-
-def share(value: float) -> Markup:
-    """A share in percent."""
-    percent = 100.0 * value
-    digits = f"{percent:.0f}" if percent >= 100.0 else f"{percent:.3g}"
-    return Markup(escape("0 %" if percent == 0.0 else f"{digits} %"))
-
-
-def _interval(low: float, value: float, high: float, metric: str) -> Markup:
-    """Both ends in the unit of the value above them: one power of ten, one per cent sign."""
-    if metric in SHARES:
-        return Markup("{:.3g} … {:.3g} %").format(100.0 * low, 100.0 * high)
-    exponent = math.floor(math.log10(value)) if value > 0.0 else 0
-    if not SMALLEST_EXPONENT <= exponent < -2:
-        return Markup("{} … {}").format(number(low), number(high))
-    scale = 10.0**exponent
-    power = str(exponent).replace("-", "−")
-    return Markup("{:.3g} … {:.3g} ·10<sup>{}</sup>").format(low / scale, high / scale, power)
-
-
-def _table(
+def board_table(
+    table: ModelTable,
     submissions: Sequence[Submission],
-    split: str,
-    metric: str,
-    columns: list[tuple[str, str, str]],
+    split: str | None,
     errors: PathErrorsByName | None = None,
 ) -> Table:
-    styles = model_styles(submission.name for submission in submissions)
-    found = {
-        submission.name: {
-            (score.protocol, score.group): score
-            for score in submission.scores
-            if score.split == split and score.metric == metric
-        }
-        for submission in submissions
-    }
-    best = {}
-    for _, protocol, group in columns:
-        ranked = [
-            score.value
-            for submission in submissions
-            if is_ranked(submission)
-            and (score := found[submission.name].get((protocol, group))) is not None
-            and score.value is not None
-        ]
-        best[protocol, group] = min(ranked, default=None)
-    ranking = next(
-        (i for i, column in enumerate(columns) if column[1:] == (RANKED_PROTOCOL, ALL)), 0
-    )
-    ranks: dict[str, str] = {}
-    if errors is not None:
+    """A table of an axis with colours, ranks and the best of every column.
+
+    Parameters
+    ----------
+    table : made by an axis
+    submissions : the models in it
+    split : of the records, for the errors of single paths
+    errors : of single paths by model, where they are at hand, for ranks
+    """
+    by_name = {submission.name: submission for submission in submissions}
+    styles = model_styles(by_name)
+    cells = _with_best(table, by_name) if table.marks_best else table.cells
+    ranks: Mapping[str, str] = {}
+    if table.ranked_by is not None:
         scores = {
-            submission.name: score
-            for submission in submissions
-            if is_ranked(submission)
-            and (score := found[submission.name].get(columns[ranking][1:])) is not None
-            and score.value is not None
+            name: score
+            for name, score in table.ranked_by.items()
+            if score.value is not None and is_ranked(by_name[name])
         }
-        ranks = shared_ranks(scores, split, metric, errors)
+        ranks = shared_ranks(scores, split or "", errors or {}, table.direction)
     rows = [
-        TableRow(
-            submission.name,
-            styles[submission.name].colour,
-            submission,
-            tuple(
-                _cell(
-                    found[submission.name].get((protocol, group)),
-                    metric,
-                    best[protocol, group] if is_ranked(submission) else None,
-                )
-                for _, protocol, group in columns
-            ),
-            ranks.get(submission.name, ""),
-        )
-        for submission in submissions
+        TableRow(name, styles[name].colour, by_name[name], row, ranks.get(name, ""))
+        for name, row in cells.items()
     ]
-
-    return Table(
-        split,
-        metric,
-        _TITLES[metric],
-        tuple(title for title, _, _ in columns),
-        ordered(rows, ranking),
-        ranking,
-    )
+    rows += [TableRow(name, "", None, row) for name, row in table.reference.items()]
+    ordered_rows = ordered(rows, table.ordered_by, table.direction)
+    return Table(table.title, table.columns, ordered_rows, table.ordered_by)
 
 
-def ordered(rows: list[TableRow], column: int) -> tuple[TableRow, ...]:
+def _with_best(table: ModelTable, by_name: Mapping[str, Submission]) -> dict[str, tuple[Cell, ...]]:
+    """The cells, the best of the ranked models in every column marked."""
+    best: list[float | None] = []
+    for column in range(len(table.columns)):
+        values = [
+            value
+            for name, row in table.cells.items()
+            if is_ranked(by_name[name]) and (value := row[column].sort) is not None
+        ]
+        best.append(min(values, key=lambda value: worse(value, table.direction), default=None))
+    return {
+        name: tuple(
+            replace(cell, best=cell.sort is not None and cell.sort == best[column])
+            if is_ranked(by_name[name])
+            else cell
+            for column, cell in enumerate(row)
+        )
+        for name, row in table.cells.items()
+    }
+
+
+def ordered(
+    rows: Sequence[TableRow], column: int, direction: Direction = "lower"
+) -> tuple[TableRow, ...]:
     """Rows by the number in one column, those without one last; of few seeds after every ranked."""
-    facts = [
-        (
-            row.cells[column].sort,
-            row.name,
-            row.ranked,
-            row.submission is not None and few_seeds(row.submission),
-        )
-        for row in rows
-    ]
+    facts = []
+    for row in rows:
+        value = row.cells[column].sort
+        few = row.submission is not None and few_seeds(row.submission)
+        key = None if value is None else worse(value, direction)
+        facts.append((key, row.name, row.ranked, few))
     return tuple(rows[place] for place in ranked_last(facts))
-
-
-def of_seeds(score: Score) -> str:
-    """The values of the seeds, or that they agree."""
-    if len(score.by_seed) > 1 and len(set(score.by_seed)) == 1:
-        return "the same for every seed"
-    return f"{len(score.by_seed)} seeds: {', '.join(f'{value:.3g}' for value in score.by_seed)}"
-
-
-def _cell(score: Score | None, metric: str, best: float | None) -> Cell:
-    if score is None:
-        return Cell(Markup("–"), note="no such score")
-    if score.value is None:
-        text = "n/a" if score.status == "not_applicable" else "not run"
-        return Cell(Markup(text), note=score.reason or "")
-    render = share if metric in SHARES else number
-    interval: Markup | str = ""
-    if score.low is not None and score.high is not None and score.high > score.low:
-        interval = _interval(score.low, score.value, score.high, metric)
-    return Cell(
-        render(score.value),
-        score.value,
-        interval,
-        f"{score.n} paths; {of_seeds(score)}",
-        best is not None and score.value == best,
-    )

@@ -1,29 +1,22 @@
-"""Validation: of a submission only what its predictions or its model give again is believed."""
+"""Validate a submission: compute every number again from its predictions or its model."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
 
-from granbench.benchmark.every_axis import score
-from granbench.benchmark.metrics import METRIC_VERSION
+from granbench.benchmark.metric import METRIC_VERSION
 from granbench.benchmark.predictions import evaluated, open_predictions
-from granbench.benchmark.protocols import PROTOCOLS
-from granbench.benchmark.statistics import align
+from granbench.benchmark.registry import axes
+from granbench.benchmark.scored_records import ScoredPredictions
+from granbench.benchmark.scoring import score, scored_predictions
+from granbench.benchmark.task import Task
 from granbench.data.normalisation import Normalisation
-from granbench.data.registry import entry
-from granbench.data.splits import split_hash
-from granbench.data.store import load
-from granbench.errors import GranbenchError, SubmissionError
+from granbench.errors import SubmissionError
 from granbench.leaderboard.agreement import RERUN, RESCORED, compare
 from granbench.leaderboard.rerunning import Progress, rerun
 from granbench.leaderboard.submission import Submission, file_digest, read_submission
-
-TRUTH_TOLERANCE = 1e-3
-"""By which a recomputed ground truth may differ, in training standard deviations or relative to a
-larger stress: machines round differently, and error control then takes other steps. Of the curves
-and stresses of an analysis, relative to their root mean square."""
+from granbench.leaderboard.submitted_task import records_of, require_same_task, task_of
 
 
 @dataclass(frozen=True)
@@ -34,10 +27,10 @@ class Validated:
     ----------
     submission : with the recomputed numbers and the badge `rescored` or `rerun`
     claimed : as it was submitted
-    predictions : that the numbers were computed from: submitted, or made by its model
-    records : the whole dataset of the task
-    not_reproduced : labels of claimed numbers that did not come out again, for the model has lost
-        the analyses that they are of
+    predictions : what the numbers were computed from: submitted, or made by its model
+    records : the whole dataset, see `granbench.benchmark.task.Task.view`
+    not_reproduced : labels of claimed numbers that were not reproduced, of analyses that the model
+        has lost
     """
 
     submission: Submission
@@ -48,7 +41,11 @@ class Validated:
 
 
 def validate(
-    path: Path, dataset: xr.Dataset | None = None, *, progress: Progress | None = None
+    path: Path,
+    dataset: xr.Dataset | None = None,
+    *,
+    task: Task | None = None,
+    progress: Progress | None = None,
 ) -> Submission:
     """Score a submission again and compare every number; see `recompute`.
 
@@ -57,18 +54,24 @@ def validate(
     The submission with the recomputed numbers, and the badge `rescored` where they come from its
     predictions, or `rerun` where its model was run again
     """
-    return recompute(path, dataset, progress=progress).submission
+    return recompute(path, dataset, task=task, progress=progress).submission
 
 
 def recompute(
-    path: Path, dataset: xr.Dataset | None = None, *, progress: Progress | None = None
+    path: Path,
+    dataset: xr.Dataset | None = None,
+    *,
+    task: Task | None = None,
+    progress: Progress | None = None,
 ) -> Validated:
     """Score a submission again and compare every number.
 
     Parameters
     ----------
     path : the submission's JSON file, its predictions or its model beside it
-    dataset : the whole records of the task; the registered dataset that it names by default
+    dataset : the whole dataset of the task; the one that the task names by default
+    task : the registered task of the submission's name by default or, where `dataset` is given and
+        is not that task's, the task of these records alone
     progress : called while a model is run, with the seed and what was done
 
     Raises
@@ -83,28 +86,31 @@ def recompute(
             f"{path}: scores follow metric version {submission.metric_version}, this board "
             f"{METRIC_VERSION}; run `granbench evaluate` again"
         )
-    records = dataset if dataset is not None else _registered(submission, path)
-    _check_dataset(submission, records, path)
+    task = task or task_of(submission, path, dataset)
+    whole = dataset if dataset is not None else records_of(task, path)
+    require_same_task(submission, task, whole, path)
+    records = task.view(whole)
     if submission.model is None:
         predictions, badge, how = _checked_predictions(submission, path), "rescored", RESCORED
     else:
-        predictions, badge, how = rerun(submission, records, path, progress), "rerun", RERUN
+        predictions, badge, how = (
+            rerun(submission, records, path, progress, task=task), "rerun", RERUN,
+        )  # fmt: skip
     _check_parameters(submission, predictions, path)
     truth, normalisation = evaluated(records), Normalisation.from_training(records)
-    card = score(predictions, truth, normalisation)
+    card = score(predictions, truth, normalisation, task)
     if submission.model is None:
-        _check_noised_truth(predictions, truth, normalisation, path)
-        _check_embedded_truth(predictions, truth, path)
+        _check_ground_truth(scored_predictions(predictions, truth, normalisation, task), path)
     not_reproduced = compare(submission, card, path, how)
     if card.perfect and submission.role == "model":
         raise SubmissionError(
-            f"{path}: every error is exactly zero, which only the truth itself can be; submit "
+            f"{path}: every error is exactly zero, so these are the records themselves; submit "
             "what a model predicts, or set role to 'ceiling'"
         )
     if submission.role == "ceiling" and not card.perfect:
         raise SubmissionError(
-            f"{path}: role is 'ceiling', but its errors are not zero; a ceiling is shown the "
-            "truth: set role to 'model'"
+            f"{path}: role is 'ceiling', but its errors are not zero, and a ceiling reads the "
+            "records; set role to 'model'"
         )
     recomputed = submission.model_copy(
         update={
@@ -115,36 +121,6 @@ def recompute(
         }
     )
     return Validated(recomputed, submission, predictions, records, not_reproduced)
-
-
-def _registered(submission: Submission, path: Path) -> xr.Dataset:
-    name = f"{submission.dataset.name}@{submission.dataset.version}"
-    try:
-        entry(name)
-    except GranbenchError as error:
-        raise SubmissionError(f"{path}: {error}") from error
-    return load(name)
-
-
-def _check_dataset(submission: Submission, records: xr.Dataset, path: Path) -> None:
-    claimed = submission.dataset
-    actual = {
-        "name": str(records.attrs.get("dataset")),
-        "version": str(records.attrs.get("version")),
-        "content_sha256": str(records.attrs.get("content_sha256")),
-        "split_sha256": split_hash(records),
-    }
-    for field, value in actual.items():
-        if getattr(claimed, field) != value:
-            raise SubmissionError(
-                f"{path}: dataset.{field} is {getattr(claimed, field)}, but the records have "
-                f"{value}; evaluate on the registered dataset"
-            )
-    if submission.task != claimed.name:
-        raise SubmissionError(
-            f"{path}: task is {submission.task!r}, but its dataset is {claimed.name!r}; they "
-            "must agree"
-        )
 
 
 def _checked_predictions(submission: Submission, path: Path) -> xr.Dataset:
@@ -197,58 +173,10 @@ def _check_parameters(submission: Submission, predictions: xr.Dataset, path: Pat
         )
 
 
-def _check_noised_truth(
-    predictions: xr.Dataset, truth: xr.Dataset, normalisation: Normalisation, path: Path
-) -> None:
-    """Refuse a stored ground truth that the ground truth does not give (its values are scored)."""
-    if "noised_truth" not in predictions:
-        return
-    from granbench.benchmark.evaluation import noised_truth
-
-    records = align(truth, predictions)
-    for seed in predictions["seed"].values:
-        for name in predictions["noise"].values:
-            stored = predictions["noised_truth"].sel(seed=seed, noise=name).values
-            again = noised_truth(records, PROTOCOLS[name], int(seed))
-            scale = np.maximum(np.abs(again), normalisation.std["stress"])
-            difference = np.abs(stored - again) / scale
-            same = np.isnan(stored) == np.isnan(again)
-            if not same.all() or np.nanmax(difference, initial=0.0) > TRUTH_TOLERANCE:
-                raise SubmissionError(
-                    f"{path}: the predictions' ground truth for {name}, seed {seed}, is not what "
-                    "the ground truth gives; run `granbench evaluate` again"
-                )
-
-
-def _check_embedded_truth(predictions: xr.Dataset, truth: xr.Dataset, path: Path) -> None:
-    """Refuse analyses of the ground truth that the ground truth does not give.
-
-    Machines differ in their times, but not by more than `RERUN.clock`.
-    """
-    if "embedded_truth_reaction" not in predictions:
-        return
-    from granbench.benchmark.axes.embedded.predict import embedded_truth
-
-    again = embedded_truth(truth)
-    for name in ("reaction", "volumetric_strain", "acceleration", "stress"):
-        variable = f"embedded_truth_{name}"
-        mine, theirs = again[variable], predictions[variable]
-        same_gaps = (np.isnan(mine) == np.isnan(theirs)).all()
-        over = [dim for dim in mine.dims if dim not in ("solver", "analysis")]
-        size = np.sqrt((mine**2).mean(over))
-        difference = np.sqrt(((mine - theirs) ** 2).mean(over))
-        if not same_gaps or (difference > TRUTH_TOLERANCE * size).any():
-            raise _another_truth(path, variable)
-    for name in ("seconds", "cell_seconds"):
-        variable = f"embedded_truth_{name}"
-        ratio = predictions[variable] / again[variable]
-        off = (ratio > RERUN.clock) | (ratio < 1.0 / RERUN.clock)
-        if off.any() or (np.isnan(again[variable]) != np.isnan(predictions[variable])).any():
-            raise _another_truth(path, variable)
-
-
-def _another_truth(path: Path, variable: str) -> SubmissionError:
-    return SubmissionError(
-        f"{path}: the predictions' {variable} is not what the ground truth gives; run "
-        "`granbench evaluate` again"
-    )
+def _check_ground_truth(scored: ScoredPredictions, path: Path) -> None:
+    """Refuse stored values of the ground truth that it does not give, because they are scored."""
+    for axis in axes():
+        try:
+            axis.check_ground_truth(scored)
+        except SubmissionError as error:
+            raise SubmissionError(f"{path}: {error}") from error

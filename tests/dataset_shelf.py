@@ -6,10 +6,12 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
+import yaml
 
+from granbench.benchmark.task import Task
 from granbench.data.publish import register
 from granbench.data.registry import RegistryEntry
-from granbench.records import write_records
+from granbench.records import open_records, write_records
 
 
 @dataclass
@@ -31,6 +33,16 @@ class Shelf:
             file, identifier="synthetic", title="Made up", command="none", mirrors=mirrors
         )
 
+    def add_task(self, entry: RegistryEntry) -> Path:
+        """Register the task of a published dataset alone, under the dataset's name."""
+        with open_records(self.mirror / entry.file) as records:
+            task = Task.of_records(records)
+        folder = self.mirror.parent / "tasks"
+        folder.mkdir(exist_ok=True)
+        file = folder / f"{task.id}-{task.version}.yaml"
+        file.write_text(yaml.safe_dump(task.model_dump(mode="json", exclude_none=True)))
+        return file
+
     def use_mirror(self, place: Path | str) -> None:
         """Point GRANBENCH_MIRROR to a folder or address."""
         self.monkeypatch.setenv("GRANBENCH_MIRROR", str(place))
@@ -42,6 +54,7 @@ def make_shelf(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Shelf:
     shelf.checkout.mkdir()
     monkeypatch.setattr("granbench.data.registry.REGISTRY_FOLDER", folder / "registry")
     monkeypatch.setattr("granbench.data.publish.REGISTRY_FOLDER", folder / "registry")
+    monkeypatch.setattr("granbench.benchmark.task_registry.TASK_FOLDER", folder / "tasks")
     monkeypatch.setattr("granbench.data.fetch.MINI_FOLDER", folder / "mini")
     monkeypatch.setattr("granbench.data.publish.MINI_FOLDER", folder / "mini")
     monkeypatch.setattr("granbench.data.fetch.checkout_datasets", lambda: shelf.checkout)

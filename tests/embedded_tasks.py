@@ -1,4 +1,4 @@
-"""Small tasks that state boundary-value problems, for tests of the embedded axis."""
+"""Small tasks with boundary-value problems, for tests of the embedded axis."""
 
 import json
 from collections.abc import Mapping
@@ -10,6 +10,8 @@ import xarray as xr
 from plane_records import plane_records
 from torch import Tensor
 
+from granbench.benchmark.registry import axis_names
+from granbench.benchmark.task import Task
 from granbench.cells.contract import ModuleCell, StateLayout
 from granbench.fem.statement import EMBEDDED_ANALYSES, SOLVERS, EmbeddedAnalysis, as_attribute
 from granbench.models.classical import ClassicalCell
@@ -43,11 +45,11 @@ def elastic_truth() -> J2:
     return J2({"yield_stress": 1e9})
 
 
-def task(
+def embedding_records(
     truth: ClassicalCell | None = None,
     analyses: tuple[EmbeddedAnalysis, ...] = (SMOOTH, ROUGH),
 ) -> xr.Dataset:
-    """A few short records, a ground truth, and the analyses that it is embedded in."""
+    """A few short records with a ground truth, and the analyses of their task; see `task_of`."""
     records = plane_records().drop_vars("tangent")
     split = records["split"].values.astype(str)
     rows = [np.flatnonzero(split == name)[:3] for name in ("train", "test")]
@@ -56,6 +58,15 @@ def task(
     return few.assign_attrs(
         {"ground_truth": json.dumps(described(cell)), EMBEDDED_ANALYSES: as_attribute(analyses)}
     )
+
+
+def task_of(records: xr.Dataset) -> Task:
+    """The task of `embedding_records`: what is in the file, and the analyses of its attribute."""
+    sealed = {"content_sha256": "0" * 64, **records.attrs}
+    alone = Task.of_records(records.assign_attrs(sealed))
+    listed = json.loads(records.attrs[EMBEDDED_ANALYSES])
+    analyses = tuple(EmbeddedAnalysis.model_validate(fields) for fields in listed)
+    return alone.model_copy(update={"axes": axis_names(), "analyses": analyses})
 
 
 class Elastic(torch.nn.Module):

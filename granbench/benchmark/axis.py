@@ -13,7 +13,7 @@ of `Axis.predict`.
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 import xarray as xr
@@ -90,6 +90,26 @@ class Group:
     resampling: Resampling | None = None
 
 
+class PathSample(Protocol):
+    """Predicted and true stress of whole paths: the samples of the axis with the headline."""
+
+    @property
+    def predicted(self) -> np.ndarray:
+        """(seed, path, step, component), Pa; NaN after a breakdown."""
+
+    @property
+    def true(self) -> np.ndarray:
+        """(path, step, component), Pa."""
+
+    @property
+    def truths(self) -> list[np.ndarray]:
+        """The true stress, and others that predictions are compared with."""
+
+    @property
+    def stress_scale(self) -> np.ndarray:
+        """(component,), training standard deviation, Pa."""
+
+
 @dataclass(frozen=True)
 class Highlight:
     """A score that is shown where there is room for few.
@@ -124,7 +144,9 @@ class Axis(ABC):
     json_attributes : global attributes of the predictions file that hold a JSON object
     against_records : whether its errors are zero for the records, and for them alone
     tells_models_apart : whether models with equal scores of every seed are one model
-    headline : the score that models are ranked by; None where it is on another axis
+    needs_analyses : whether it applies only to tasks with boundary-value problems
+    headline : the score that models are ranked by, whose samples are `PathSample`; None where it is
+        on another axis
     highlights : scores for short tables, such as those of the README
     """
 
@@ -134,11 +156,12 @@ class Axis(ABC):
     since: str = "1.0"
     parts: tuple[Part, ...] = ()
     own_metrics: tuple[Metric, ...] = ()
-    layout: Mapping[str, Stored] = {}
-    labels: Mapping[str, Sequence[str]] = {}
+    layout: ClassVar[Mapping[str, Stored]] = {}
+    labels: ClassVar[Mapping[str, Sequence[str]]] = {}
     json_attributes: tuple[str, ...] = ()
     against_records: bool = False
     tells_models_apart: bool = False
+    needs_analyses: bool = False
     headline: Highlight | None = None
     highlights: tuple[Highlight, ...] = ()
 
@@ -248,6 +271,7 @@ class Axis(ABC):
             If a variable is missing, something else was evaluated than the task asks for, or
             something was left out that applies.
         """
+        return
 
     def is_truth(self, scored: ScoredPredictions) -> bool:
         """Whether the predictions are the records, as far as the axis can tell."""
@@ -261,6 +285,7 @@ class Axis(ABC):
         SubmissionError
             If a stored value is not what the ground truth gives.
         """
+        return
 
     @abstractmethod
     def sample(self, scored: ScoredPredictions, part: Part) -> Any:
@@ -296,9 +321,7 @@ class Axis(ABC):
                 if metric.applies_to(part) and (group.name == ALL or metric.by_group):
                     yield self.score(scored, part, metric, group)
 
-    def score(
-        self, scored: ScoredPredictions, part: Part, metric: Metric, group: Group
-    ) -> Score:
+    def score(self, scored: ScoredPredictions, part: Part, metric: Metric, group: Group) -> Score:
         """One score: a value with its interval, or the reason why there is none."""
         place: dict[str, Any] = {
             "axis": part.axis, "protocol": part.name, "split": group.split, "group": group.name,
@@ -356,7 +379,7 @@ class Axis(ABC):
         yield from text_tables(self, model, split)
 
     def board_sections(self, board: BoardView) -> Iterator[Section]:
-        """Tables and charts of several models on the page of a task; nothing where nobody ran it."""
+        """Tables and charts of several models on a task's page; nothing where nobody ran it."""
         from granbench.benchmark.standard_tables import board_sections
 
         yield from board_sections(self, board)
@@ -372,6 +395,13 @@ class Axis(ABC):
         from granbench.benchmark.standard_tables import section
 
         return section(self)
+
+    def measured_tables(self, models: Sequence[ModelView]) -> dict[str, str]:
+        """Tables of a few models for the section, in Markdown, by the name of their marker.
+
+        The text stands in the section between ``<!-- NAME:begin -->`` and ``<!-- NAME:end -->``.
+        """
+        return {}
 
 
 def _interval(

@@ -2,7 +2,8 @@
 
 Paths of one specimen share its packing and are not independent, so specimens are drawn with
 replacement and each brings all its paths and all seeds. The interval says how far the score
-depends on which specimens were tested; the spread over seeds is reported apart.
+depends on which specimens were tested; the spread over seeds is reported apart. Fewer than three
+specimens say nothing of their scatter: there is no interval then.
 """
 
 from collections.abc import Callable
@@ -13,6 +14,9 @@ import numpy as np
 RESAMPLES = 2000
 SEED = 20230
 LEVEL = 0.95
+MINIMUM_SPECIMENS = 3
+"""Fewer have no interval: two drawn from two give either one alone or their mean, and the interval
+would only repeat the two values."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +26,7 @@ class Resampling:
     Parameters
     ----------
     weights : (resample, path), integers as float
-    specimens : number of different specimens; one alone says nothing about scatter
+    specimens : number of different specimens, see `MINIMUM_SPECIMENS`
     """
 
     weights: np.ndarray
@@ -45,13 +49,15 @@ class Resampling:
     def interval(
         self, estimate: Callable[[np.ndarray], np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray] | None:
-        """Percentile interval (low, high) of an estimate, each (...); None of one specimen.
+        """Percentile interval (low, high) of an estimate, each (...).
+
+        None if there are fewer specimens than `MINIMUM_SPECIMENS`.
 
         Parameters
         ----------
         estimate : maps weights (resample, path) to values (resample, ...)
         """
-        if self.specimens < 2:
+        if self.specimens < MINIMUM_SPECIMENS:
             return None
         ranked = np.sort(estimate(self.weights), axis=0)
         # Order statistics without interpolation: infinite values must not become NaN.

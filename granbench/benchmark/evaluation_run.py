@@ -61,9 +61,7 @@ class EvaluationRun:
         with user_code(f"cell {cell.name!r} failed in protocol {part}"):
             return run()
 
-    def for_each_cell(
-        self, part: str, measure: Callable[[MaterialCell], xr.Dataset]
-    ) -> xr.Dataset:
+    def for_each_cell(self, part: str, measure: Callable[[MaterialCell], xr.Dataset]) -> xr.Dataset:
         """A measurement that does not depend on the seed itself: made once for each cell.
 
         Parameters

@@ -10,7 +10,7 @@ from typing import Literal, Protocol
 
 from markupsafe import Markup, escape
 
-from granbench.benchmark.metric import Metric, Style
+from granbench.benchmark.metric import Direction, Metric, Style
 from granbench.benchmark.scorecard import ALL, Curve, Score
 
 LEFT_OUT = "the axis was left out of the evaluation"
@@ -53,11 +53,13 @@ class BoardView:
     models : in the order of the board
     splits : of the records, the test split first
     floor : normalised MSE of stress that scatter between packings alone gives; None: not known
+    floor_note : what it was computed from
     """
 
     models: Sequence[ModelView]
     splits: Sequence[str]
     floor: float | None = None
+    floor_note: str = ""
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,9 @@ class ModelTable:
     ordered_by : index of the column that the models are ordered by
     reference : rows without a model, by their names
     ranked_by : scores of the models in the column that they are ordered by, where the table ranks
-        them and marks the best of every column; None where it does not
+        them; None where it does not
+    marks_best : whether the best of every column is marked
+    direction : which values are better
     """
 
     title: str
@@ -134,6 +138,7 @@ class ModelTable:
     reference: Mapping[str, tuple[Cell, ...]] = field(default_factory=dict)
     ranked_by: Mapping[str, Score] | None = None
     marks_best: bool = False
+    direction: Direction = "lower"
 
 
 @dataclass(frozen=True)

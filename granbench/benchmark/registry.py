@@ -80,6 +80,17 @@ def plugged_in_metrics() -> tuple[Metric, ...]:
     return tuple(found)
 
 
+@cache
+def plugged_in_axes() -> frozenset[str]:
+    """Names of the axes that other packages register."""
+    return frozenset(
+        name
+        for point in entry_points(group=AXES)
+        if point.dist is None or point.dist.name != "granbench"
+        for name in point.load().names
+    )
+
+
 def axis_names() -> tuple[str, ...]:
     """Names of everything that a model can be evaluated on, in order."""
     return tuple(name for axis in axes() for name in axis.names)

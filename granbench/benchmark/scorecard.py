@@ -4,8 +4,6 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
-from granbench.benchmark.protocols import COST, EMBEDDED, PHYSICS
-
 ALL = "all"
 
 
@@ -18,11 +16,10 @@ class Score(_Record):
 
     axis: str = Field(description="benchmark axis")
     protocol: str = Field(
-        description="how the predictions were made; on the physics axis, which check it is; on "
-        "the embedded axis, with which solver"
+        description="how the predictions were made: the protocol, the check or the solver"
     )
     split: str = Field(
-        description="the paths that were scored; 'all' on the embedded and cost axes"
+        description="the paths that were scored; 'all' for a score that belongs to no split"
     )
     group: str = Field(
         default=ALL,
@@ -56,6 +53,14 @@ class Score(_Record):
         return (self.axis, self.protocol, self.split, self.group, self.metric)
 
 
+def _headline_metric() -> str:
+    from granbench.benchmark.registry import headline_axis
+
+    headline = headline_axis().headline
+    assert headline is not None  # that is what the axis was chosen by
+    return headline.metric
+
+
 class Curve(_Record):
     """An error against the horizon: steps since truth was given, or output steps of an analysis.
 
@@ -66,7 +71,10 @@ class Curve(_Record):
     protocol: str
     split: str
     group: str = Field(default=ALL, description="'all', or one analysis")
-    metric: Literal["stress_mse_mean", "error_point_share"] = "stress_mse_mean"
+    metric: str = Field(
+        default_factory=_headline_metric,
+        description="what is drawn; where it is missing, the metric that models are ranked by",
+    )
     unit: str = "1"
     n: int = Field(ge=1, description="number of paths or analyses")
     horizon: tuple[int, ...]
@@ -106,13 +114,17 @@ class Scorecard(_Record):
     def perfect(self) -> bool:
         """Whether every error against the records is exactly zero, as only the truth can be.
 
-        Laws and costs say nothing of it: persistence breaks no law. Nor do analyses, in which
-        the model that made the records is as good as they are.
+        Axes that are not compared with the records say nothing of it (`Axis.against_records`):
+        persistence breaks no law, and in an analysis the model that made the records is as good
+        as they are.
         """
+        from granbench.benchmark.registry import axes
+
+        against_records = {name for axis in axes() if axis.against_records for name in axis.names}
         errors = [
             score.value
             for score in self.scores
-            if score.axis not in (EMBEDDED, PHYSICS, COST) and score.status == "scored"
+            if score.axis in against_records and score.status == "scored"
         ]
         return bool(errors) and not any(errors)
 

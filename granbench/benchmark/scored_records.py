@@ -15,6 +15,7 @@ from granbench.records.schema import GROUND_TRUTH
 
 if TYPE_CHECKING:
     from granbench.benchmark.axis import Axis, Part
+    from granbench.benchmark.task import Task
     from granbench.fem.statement import EmbeddedAnalysis
     from granbench.models.classical import ClassicalCell
 
@@ -33,6 +34,19 @@ class ScoredRecords:
 
     records: xr.Dataset
     analyses: "tuple[EmbeddedAnalysis, ...]" = ()
+
+    @classmethod
+    def of(cls, records: xr.Dataset, task: "Task | None") -> "ScoredRecords":
+        """The records under a task; the only place where an evaluation reads a task.
+
+        Parameters
+        ----------
+        records : the scored paths
+        task : gives the analyses and the ground truth; None for the records alone
+        """
+        from granbench.benchmark.task import with_ground_truth
+
+        return cls(with_ground_truth(records, task), () if task is None else task.analyses)
 
     @property
     def has_ground_truth(self) -> bool:

@@ -7,7 +7,7 @@ several tasks. `granbench.benchmark.task_registry.find_task` finds a task by its
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any
 
 import numpy as np
@@ -15,10 +15,10 @@ import xarray as xr
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 from granbench.benchmark.predictions import evaluated
-from granbench.benchmark.protocols import AXES, EMBEDDED
+from granbench.benchmark.registry import axes, axis_names, chosen_axes, plugged_in_axes
 from granbench.data.normalisation import Normalisation
 from granbench.data.splits import split_names
-from granbench.errors import DatasetError
+from granbench.errors import ConfigurationError, DatasetError
 from granbench.fem.statement import EmbeddedAnalysis
 from granbench.records.schema import GROUND_TRUTH, INTERNALS
 
@@ -138,7 +138,7 @@ class Task(_Part):
     splits : what each split is for
     context : quantities that a model is given at the start of a path: `stress`,
         `initial_mean_stress`, internal variables, and constants of the specimen
-    axes : the axes that are scored, see `granbench.benchmark.protocols.AXES`
+    axes : the axes that are scored, see `granbench.benchmark.registry.axis_names`
     analyses : boundary-value problems of the axis `embedded`
     ground_truth : the model that made the records; None for measured or simulated ones
     training_data : all that a model may be trained on
@@ -157,12 +157,14 @@ class Task(_Part):
 
     @model_validator(mode="after")
     def _check(self) -> "Task":
-        if unknown := [name for name in self.axes if name not in AXES]:
-            raise ValueError(f"axes: unknown axis {unknown[0]!r}; use {', '.join(AXES)}")
-        if (EMBEDDED in self.axes) != bool(self.analyses):
+        known = axis_names()
+        if unknown := [name for name in self.axes if name not in known]:
+            raise ValueError(f"axes: unknown axis {unknown[0]!r}; use {', '.join(known)}")
+        analysed = axes_with_analyses()
+        if any(name in self.axes for name in analysed) != bool(self.analyses):
             raise ValueError(
-                f"axes and analyses: the axis {EMBEDDED!r} needs analyses, and analyses need the "
-                "axis; give both or neither"
+                f"axes and analyses: the axis {', '.join(analysed)} needs analyses, and analyses "
+                "need the axis; give both or neither"
             )
         if self.analyses and self.ground_truth is None:
             raise ValueError("ground_truth: is missing, but the analyses are compared with it")
@@ -192,6 +194,7 @@ class Task(_Part):
         """
         name, version = (str(records.attrs.get(key, "")) for key in ("dataset", "version"))
         found = split_names(records)
+        left_out = {*axes_with_analyses(), *plugged_in_axes()}
         fields: dict[str, Any] = {
             "id": name,
             "version": FIRST_VERSION,
@@ -207,7 +210,7 @@ class Task(_Part):
                 "ood": [split for split in found if split.startswith(OOD)],
             },
             "context": context_of(records),
-            "axes": [axis for axis in AXES if axis != EMBEDDED],
+            "axes": [name for name in axis_names() if name not in left_out],
             "training_data": [
                 {"dataset": name, "version": version,
                  "splits": [split for split in found if split in (TRAIN, VALIDATION)]},
@@ -219,6 +222,24 @@ class Task(_Part):
             return cls.model_validate(fields)
         except ValueError as error:
             raise DatasetError(f"{file or name}: {complaint(error)}") from error
+
+    def chosen_axes(self, names: Iterable[str]) -> tuple[str, ...]:
+        """The named axes, in the order of the benchmark.
+
+        An axis that another package registers can be named for any task.
+
+        Raises
+        ------
+        ConfigurationError
+            If the task does not have one of them; the text lists those it has.
+        """
+        chosen = chosen_axes(names)
+        allowed = {*self.axes, *plugged_in_axes()}
+        if missing := [name for name in chosen if name not in allowed]:
+            raise ConfigurationError(
+                f"task {self.id} has no axis {missing[0]!r}; it has {', '.join(self.axes)}"
+            )
+        return chosen
 
     def view(self, records: xr.Dataset) -> xr.Dataset:
         """The records as the task uses them.
@@ -315,6 +336,11 @@ class Task(_Part):
                 f"task {self.id}: context: lacks {always[0]!r}, which every model is given; add it"
             )
         return left_out
+
+
+def axes_with_analyses() -> list[str]:
+    """Names of the axes that need analyses."""
+    return [name for axis in axes() if axis.needs_analyses for name in axis.names]
 
 
 def with_ground_truth(records: xr.Dataset, task: Task | None) -> xr.Dataset:

@@ -21,9 +21,9 @@ from pydantic import ValidationError
 
 from granbench.benchmark.task import Task, complaint
 from granbench.data.registry import REGISTRY_FOLDER, RegistryEntry, entries
-from granbench.data.store import REGISTERED_NAME, dataset_file
+from granbench.data.store import REGISTERED_NAME, dataset_file, local_file
 from granbench.data.verification import task_file
-from granbench.errors import DatasetError, RegistryError
+from granbench.errors import DatasetError, GranbenchError, RegistryError
 from granbench.records import open_records
 
 TASK_FOLDER = REGISTRY_FOLDER / "tasks"
@@ -134,9 +134,10 @@ def read_task(path: Path) -> Task:
     return task
 
 
-@contextmanager
-def open_task_records(task: Task) -> Iterator[xr.Dataset]:
-    """The whole dataset of a task, verified; fetched or made where it is not on this machine.
+def task_records(task: Task) -> xr.Dataset:
+    """The whole dataset of a task, opened lazily; fetched or made if it is not on this machine.
+
+    `Task.view` gives the splits of the task.
 
     Raises
     ------
@@ -146,8 +147,23 @@ def open_task_records(task: Task) -> Iterator[xr.Dataset]:
     file = task.dataset.file
     name = f"{task.dataset.name}@{task.dataset.version}"
     path = dataset_file(name) if file is None else task_file(file)
-    with open_records(path) as records:
+    records = open_records(path)
+    try:
         task.view(records)  # refuses other records than the task names
+    except GranbenchError:
+        records.close()
+        raise
+    return records
+
+
+@contextmanager
+def records_at_hand(task: Task) -> Iterator[xr.Dataset | None]:
+    """The whole dataset of a task if it is on this machine, else None; nothing is fetched."""
+    entry = _entry(task)
+    if task.dataset.file is None and (entry is None or local_file(entry) is None):
+        yield None
+        return
+    with task_records(task) as records:
         yield records
 
 

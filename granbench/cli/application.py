@@ -13,9 +13,21 @@ from typing import Annotated, NoReturn
 import typer
 
 from granbench import __version__
-from granbench.cli import data, drive, evaluate, fem, fit, generate, leaderboard, submission, train
+from granbench.cli import (
+    data,
+    drive,
+    evaluate,
+    fem,
+    fit,
+    generate,
+    leaderboard,
+    submission,
+    task,
+    train,
+)
 from granbench.cli.generated_help import CommandWithNames
 from granbench.cli.printing import note
+from granbench.cli.setting_options import option_text
 from granbench.cli.streams import flush_streams, prepare_streams
 from granbench.cli.termination import INTERRUPTED
 from granbench.errors import GranbenchError
@@ -52,6 +64,7 @@ def granbench(
 
 
 app.add_typer(data.app, name="data")
+app.add_typer(task.app, name="task")
 app.command(cls=CommandWithNames)(generate.generate)
 app.command(cls=CommandWithNames)(train.train)
 app.command(cls=CommandWithNames)(evaluate.evaluate)
@@ -83,7 +96,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     try:
         code = app(words, prog_name="granbench", standalone_mode=False)
     except GranbenchError as error:
-        _fail(str(error))
+        _fail(error.spelled(option_text))
     except typer.Abort:
         code = INTERRUPTED
     except Exception as error:

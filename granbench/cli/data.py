@@ -86,12 +86,12 @@ def info(
 def fetch(
     name: Annotated[str, typer.Argument(help="Dataset name; NAME@VERSION for an older version.")],
     dest: Annotated[
-        Path | None, typer.Option("--dest", help="Folder to put it into.", file_okay=True)
+        Path | None, typer.Option("--dest", help="Folder for the file.", file_okay=True)
     ] = None,
     make: Annotated[
         bool,
         typer.Option(
-            "--make", help="Make a dataset here that no mirror gives, if that takes minutes."
+            "--make", help="Make the dataset here if no mirror provides it and that takes minutes."
         ),
     ] = False,
     as_json: Json = False,
@@ -99,8 +99,8 @@ def fetch(
 ) -> None:
     """Fetch a dataset from the nearest mirror and check it against the registry.
 
-    One that no mirror gives is made on this machine if that takes seconds; with --make, also if
-    it takes minutes.
+    If no mirror provides it, it is made on this machine if that takes seconds; with --make, also
+    if it takes minutes.
     """
     from granbench.data.store import bring, dataset_file
 
@@ -131,8 +131,8 @@ def verify(source: Source, as_json: Json = False, quiet: Quiet = False) -> None:
         known = (
             f"is {entry.id} {entry.version} of the registry, and its attributes agree with it too"
             if entry
-            else "is not registered, so that nothing vouches for who made it, its ground truth, "
-            "its licence or any other attribute but its configuration"
+            else "is not registered, so its ground truth, its licence and its other attributes, "
+            "except its configuration, cannot be verified"
         )
         say(f"{file}: every variable agrees with its hash; the dataset {known}")
 
@@ -174,7 +174,7 @@ def register(
     title: Annotated[str, typer.Option(help="One line for listings.")],
     command: Annotated[str, typer.Option(help="The command that made it.")],
     seconds: Annotated[
-        float | None, typer.Option(help="How long the command takes, if anyone can run it.")
+        float | None, typer.Option(help="Duration of the command, if anyone can run it.")
     ] = None,
     tier: Annotated[str, typer.Option(help="mini, core or paper.")] = "core",
     mirror: Annotated[list[str] | None, typer.Option(help="Folder or address.")] = None,
@@ -201,7 +201,7 @@ def mini(
     file: Annotated[Path, typer.Argument(help="The core dataset.")],
     replace: Annotated[bool, typer.Option(help="Before publication only.")] = False,
 ) -> None:
-    """For maintainers: cut the mini tier of a dataset into the package and register it."""
+    """For maintainers: write the mini tier of a dataset into the package and register it."""
     from granbench.data.publish import publish_mini
 
     entry = publish_mini(file, replace=replace)

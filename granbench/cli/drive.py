@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from granbench.cli.drive_options import AskedCourse, scalars_at_start
+from granbench.cli.model_options import one_model
 from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import print_json, say
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from granbench.cells.contract import MaterialCell
-    from granbench.element_test.driving import Answer
+    from granbench.element_test.driving import DriveResult
 
 MOST_STEPS = 1_000_000
 """Of a test; its records take some hundred megabytes then."""
@@ -96,8 +97,9 @@ def drive(
     quiet: Quiet = False,
 ) -> None:
     """Drive a model along a path, or through a standard test, and write its stresses."""
+    from granbench.element_test.driving import WorkLimitError
     from granbench.element_test.driving import drive as take
-    from granbench.element_test.start import ModelChoice, Start
+    from granbench.element_test.start import Start
     from granbench.units.quantity_text import pressure_from_text
 
     _check_targets(out, plot)
@@ -105,10 +107,12 @@ def drive(
                          ("--task", Path(task))):  # fmt: skip
         refuse_overwriting(out, option, file)
     asked = AskedCourse(path, control, strain, turning_points, steps, b, order)
-    choice = ModelChoice(model, parameter_set, params, task)
+    found = one_model(model, parameter_set, params, task)
     pressure = None if p0 is None else pressure_from_text("--p0 ", p0)
-    cell, course, state = asked.prepared(choice, Start(pressure, scalars_at_start(e0, ocr, start)))
-    points = len(course.control.driven)
+    cell, prescribed, state = asked.prepared(
+        found, Start(pressure, scalars_at_start(e0, ocr, start))
+    )
+    points = len(prescribed.control.driven)
     if out.suffix == ".csv" and points > 1:
         raise ConfigurationError(
             f"--out {out}: a CSV file holds one path, but {path} has {points}; end its name in .nc"
@@ -118,19 +122,24 @@ def drive(
         "parameters": _parameters(cell),
         "course": control or (path and path.name),
     }
-    with _progress(course.control.steps - 1, cell.name, quiet or as_json) as advance:
-        answer = take(
-            cell,
-            course,
-            state,
-            configuration=configuration,
-            tolerance=tolerance,
-            on_step=advance,
-            patience=patience,
-        )
+    with _progress(prescribed.control.steps - 1, cell.name, quiet or as_json) as advance:
+        try:
+            answer = take(
+                cell,
+                prescribed,
+                state,
+                configuration=configuration,
+                tolerance=tolerance,
+                on_step=advance,
+                work_factor=patience,
+            )
+        except WorkLimitError as error:
+            raise ConfigurationError(
+                f"{error}; --patience {10.0 * patience:g} allows ten times as much"
+            ) from error
     _write(answer, out)
     if plot is not None:
-        plot = draw_beside_results(plot, lambda: _figure(answer, cell.name, course.component))
+        plot = draw_beside_results(plot, lambda: _figure(answer, cell.name, prescribed.component))
     if as_json:
         print_json(_summary(answer, cell, out, plot))
     elif not quiet:
@@ -141,7 +150,7 @@ def drive(
             say(f"note: {tension}")
 
 
-def _figure(answer: "Answer", name: str, component: str | None) -> "Figure":
+def _figure(answer: "DriveResult", name: str, component: str | None) -> "Figure":
     from granbench.plotting.element_test import element_test_figure
 
     return element_test_figure(answer.records, name, component)
@@ -165,7 +174,7 @@ def _parameters(cell: "MaterialCell") -> dict[str, float] | None:
     return cell.values() if isinstance(cell, ClassicalCell) else None
 
 
-def _write(answer: "Answer", out: Path) -> None:
+def _write(answer: "DriveResult", out: Path) -> None:
     from granbench.paths.answer_files import write_answer
     from granbench.records import write_records
 
@@ -176,7 +185,7 @@ def _write(answer: "Answer", out: Path) -> None:
 
 
 def _summary(
-    answer: "Answer", cell: "MaterialCell", out: Path, plot: Path | None
+    answer: "DriveResult", cell: "MaterialCell", out: Path, plot: Path | None
 ) -> dict[str, object]:
     """What a program wants to know: files, size, and where each path ends."""
     from granbench.plotting.element_test import path_invariants
@@ -198,7 +207,7 @@ def _summary(
     }
 
 
-def _sentence(answer: "Answer", cell: "MaterialCell", out: Path) -> str:
+def _sentence(answer: "DriveResult", cell: "MaterialCell", out: Path) -> str:
     from granbench.plotting.element_test import path_invariants
 
     sizes = answer.records.sizes

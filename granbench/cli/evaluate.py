@@ -1,14 +1,23 @@
 """`granbench evaluate`: score a model on a task and write its submission."""
 
 import json
-import shlex
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
+from granbench.cli.evaluation_facts import (
+    KEPT,
+    MODEL,
+    PREDICTIONS,
+    authors_of,
+    licence_of,
+    shown_command,
+    training_data_of,
+    what_was_written,
+)
+from granbench.cli.evaluation_progress import evaluation_bar
+from granbench.cli.model_options import evaluated_model
 from granbench.cli.options import (
     default_task,
     listed_seeds,
@@ -17,22 +26,12 @@ from granbench.cli.options import (
     require_writable,
 )
 from granbench.cli.printing import print_json, say, show
-from granbench.cli.progress import progress_bar
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from granbench.cells.find import FoundModel
-    from granbench.leaderboard.submission import Submission
+from granbench.cli.task_option import TaskName
 
 MODEL_FILES = ("model.json", "model.safetensors", "training.safetensors", "parameters.json")
-"""Of a trained model's folder."""
+"""Files in the folder of a trained model."""
 
-KEPT = ("predictions", "model")
 ROLES = ("model", "floor")
-
-HOUSE_AUTHORS = "The GranBench authors"
-HOUSE_LICENCE = "BSD-3-Clause"
 
 
 def evaluate(
@@ -42,27 +41,22 @@ def evaluate(
             help="Baseline name, folder of a trained model, or package.module:factory of a cell."
         ),
     ],
-    task: Annotated[
-        str | None,
-        typer.Option(
-            "--task",
-            help="Dataset name, NAME@VERSION or netCDF file; dem-triaxial by default, or "
-            "dem-triaxial-mini where that is not on this machine.",
-        ),
-    ] = None,
+    task: TaskName = None,
     axis: Annotated[
         list[str] | None,
         typer.Option(
             "--axis",
-            help="single-step, window, rollout, noise, embedded, physics or cost; all that apply "
+            help="Axis of the task (`granbench task info` lists them), once for each; all of them "
             "by default.",
         ),
     ] = None,
     model_dir: Annotated[
-        list[Path] | None, typer.Option("--model-dir", help="Trained model; once for each seed.")
+        list[Path] | None,
+        typer.Option("--model-dir", help="Folder of a trained model, once for each seed."),
     ] = None,
     seeds: Annotated[
-        str | None, typer.Option("--seeds", help="Comma-separated; of the models or the noise.")
+        str | None,
+        typer.Option("--seeds", help="Seeds of the models or of the noise, comma-separated."),
     ] = None,
     out: Annotated[Path, typer.Option("--out", help="Submission to write.")] = Path(
         "submission.json"
@@ -73,18 +67,22 @@ def evaluate(
         str | None, typer.Option("--authors", help="Comma-separated; 'anonymous' by default.")
     ] = None,
     code: Annotated[str | None, typer.Option("--code", help="Address of the model's code.")] = None,
-    licence: Annotated[str | None, typer.Option("--licence", help="Of the model.")] = None,
+    licence: Annotated[str | None, typer.Option("--licence", help="Licence of the model.")] = None,
     training_data: Annotated[
         str | None, typer.Option("--training-data", help="What it was trained on.")
     ] = None,
     role: Annotated[
         str | None,
-        typer.Option("--role", help="model or floor; a floor frames the table and is not ranked."),
+        typer.Option(
+            "--role", help="model or floor; a floor is shown for comparison and not ranked."
+        ),
     ] = None,
     keep: Annotated[
         str,
-        typer.Option("--keep", help="What bears the scores out: predictions, or the model itself."),
-    ] = "predictions",
+        typer.Option(
+            "--keep", help="Evidence kept with the submission: predictions, or the model itself."
+        ),
+    ] = PREDICTIONS,
     against: Annotated[
         list[Path] | None,
         typer.Option("--against", help="Submission to compare with in the table."),
@@ -96,27 +94,24 @@ def evaluate(
 ) -> None:
     """Score a model on every axis of a task and write its submission and predictions.
 
-    With --keep model the model is written in place of its predictions; for baselines of
-    GranBench and classical models, which are run again wherever the scores are checked.
+    With --keep model the model is written instead of its predictions. This is for baselines of
+    GranBench and classical models, which are run again whenever the scores are checked.
     """
     from granbench.benchmark.evaluation import predict, progress_parts
     from granbench.benchmark.predictions import CELL_NOTES, evaluated
-    from granbench.benchmark.protocols import AXES, chosen_axes
-    from granbench.cells.find import find_cells
+    from granbench.benchmark.task_registry import find_task, task_records
+    from granbench.benchmark.task_summary import shortages_of_scores
     from granbench.cli.score_tables import tables
-    from granbench.data.verification import task_file
     from granbench.leaderboard.composition import check_target, compose
     from granbench.leaderboard.model_files import require_data_only
     from granbench.leaderboard.submission import About, read_submission
-    from granbench.records import open_records
 
-    task = task or default_task()
+    task_name = task or default_task()
     numbers = None if seeds is None else listed_seeds(seeds)
-    axes = chosen_axes(axis or AXES)
     for target in (out, check_target(out)):
         require_writable("--out", target)
         refuse_overwriting(target, "MODEL", Path(model))
-        refuse_overwriting(target, "--task", Path(task))
+        refuse_overwriting(target, "--task", Path(task_name))
         for other in against or ():
             refuse_overwriting(target, "--against", other)
         for folder in (Path(model), *(model_dir or ())):
@@ -125,89 +120,40 @@ def evaluate(
     require_one_of("--keep", keep, KEPT)
     require_one_of("--role", role or ROLES[0], ROLES)
     others = [read_submission(path) for path in against or ()]
-    with open_records(task_file(task)) as records:
-        candidate = find_cells(model, records, folders=model_dir or (), seeds=numbers)
-        kept = candidate if keep == "model" else None
+    chosen = find_task(task_name)
+    axes = chosen.chosen_axes(axis or chosen.axes)
+    with task_records(chosen) as dataset:
+        records = chosen.view(dataset)
+        candidate = evaluated_model(model, records, model_dir or (), numbers)
+        kept = candidate if keep == MODEL else None
         if kept is not None:
             require_data_only(kept)  # before minutes of work
         about = About.checked(
             name=name or candidate.name,
-            title=title or getattr(candidate.baseline, "title", None),
-            authors=_authors(authors, candidate),
+            title=title or candidate.title,
+            authors=authors_of(authors, candidate),
             code=code,
             role=role or ("floor" if candidate.floor else "model"),
             parameters=candidate.parameters,
-            training_data=training_data or _training_data(candidate, records.attrs),
-            licence=licence or (HOUSE_LICENCE if candidate.baseline else "not stated"),
-            command=_command(model, task, axis, model_dir, candidate.cells, name, keep, out),
-        )
+            training_data=training_data_of(training_data, candidate, chosen),
+            licence=licence_of(licence, candidate),
+            command=shown_command(
+                model, task_name, axes=axis, folders=model_dir, seeds=candidate.cells, name=name,
+                keep=keep, out=out,
+            ),
+        )  # fmt: skip
         runs = len(candidate.cells) * progress_parts(axes)
         with evaluation_bar(runs, about.name, quiet or as_json) as advance:
             predictions = predict(
-                candidate.cells, evaluated(records).load(), axes,
+                candidate.cells, evaluated(records).load(), axes, task=chosen,
                 training_seconds=candidate.training_seconds, progress=advance,
             )  # fmt: skip
-        submission = compose(predictions, records, about, out, model=kept)
+        submission = compose(predictions, dataset, about, out, task=chosen, model=kept)
     if as_json:
         print_json(json.loads(out.read_text(encoding="utf-8")))
     elif not quiet:
         show(*tables(submission, others))
-        for note in json.loads(predictions.attrs.get(CELL_NOTES, "[]")):
-            say(f"note: {note}")
-        say(_written(submission, out))
-
-
-def _written(submission: "Submission", out: Path) -> str:
-    if submission.predictions is not None:
-        megabytes = submission.predictions.bytes / 1e6
-        return f"{out} and {submission.predictions.file} ({megabytes:.1f} MB) are written"
-    if submission.model is not None and submission.model.files:
-        folder = submission.model.files[0].path.split("/")[0]
-        return f"{out} and the model in {folder} are written"
-    return f"{out} is written; its model needs no file"
-
-
-def _authors(authors: str | None, candidate: "FoundModel") -> tuple[str, ...]:
-    named = tuple(author.strip() for author in (authors or "").split(",") if author.strip())
-    return named or (HOUSE_AUTHORS if candidate.baseline else "anonymous",)
-
-
-def _training_data(candidate: "FoundModel", attrs: dict[str, Any]) -> str:
-    if candidate.training_data:
-        return candidate.training_data
-    if not candidate.trained:
-        return f"{attrs.get('dataset')} {attrs.get('version')}, split train at most"
-    return "not stated"
-
-
-def _command(
-    model: str,
-    task: str,
-    axes: Sequence[str] | None,
-    folders: Sequence[Path] | None,
-    seeds: Any,
-    name: str | None,
-    keep: str,
-    out: Path,
-) -> str:
-    """The command as it can be shown: folders by their last name only."""
-    model_name = model if ":" in model else Path(model).name
-    words = ["granbench", "evaluate", model_name, "--task", Path(task).name]
-    for axis in axes or ():
-        words += ["--axis", axis]
-    for folder in folders or ():
-        words += ["--model-dir", folder.resolve().name]
-    words += ["--seeds", ",".join(map(str, seeds))]
-    if name:
-        words += ["--name", name]
-    if keep != KEPT[0]:
-        words += ["--keep", keep]
-    words += ["--out", out.name]
-    return shlex.join(words)
-
-
-@contextmanager
-def evaluation_bar(runs: int, name: str, hidden: bool) -> Iterator["Callable[[int, str], None]"]:
-    """A bar that moves with every part of an evaluation."""
-    with progress_bar(f"evaluating {name}", runs, hidden=hidden) as bar:
-        yield lambda seed, done: bar.advance(f"{name}, seed {seed}: {done}")
+        notes = json.loads(predictions.attrs.get(CELL_NOTES, "[]"))
+        for text in [*notes, *shortages_of_scores(submission.scores)]:
+            say(f"note: {text}")
+        say(what_was_written(submission, out))

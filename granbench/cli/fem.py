@@ -8,6 +8,7 @@ import typer
 
 from granbench.cli.drive_options import scalars_at_start
 from granbench.cli.fem_summary import output_steps, sentence, summary
+from granbench.cli.model_options import named_start_options, one_model
 from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import note, print_json, say
@@ -146,13 +147,12 @@ def fem(
 
     import torch
 
-    from granbench.element_test.start import ModelChoice
     from granbench.fem import run
     from granbench.fem.remarks import remarks
 
     # At some hundred points, threads cost more in waiting than they save.
     torch.set_num_threads(1)
-    made = ModelChoice(cell, parameter_set, params, task).cell("plane")
+    made = one_model(cell, parameter_set, params, task, order="plane").cell
     scalars = scalars_at_start(e0, ocr, start)
     _refuse_unused(scalars, made, chosen)
     with stopped_by_sigterm("to start from the beginning"):
@@ -218,7 +218,9 @@ def _refuse_unused(scalars: dict[str, float], cell: "MaterialCell", problem: "Pr
 
     if scalars:
         pressure = problem.confined_for(cell).initial_pressure or None
-        Start(pressure, scalars).state(cell)
+        start = Start(pressure, scalars)
+        with named_start_options(start):
+            start.state(cell)
 
 
 def _end(analysis: "Analysis", out: Path) -> None:

@@ -12,8 +12,8 @@ from granbench.cli.laboratory_options import (
     named_columns,
     named_numbers,
     named_texts,
-    settings_as_options,
 )
+from granbench.cli.model_options import one_model
 from granbench.cli.options import (
     refuse_overwriting,
     require_folder,
@@ -38,7 +38,6 @@ PARAMETERS = "parameters.json"
 RECORDS = "tests.nc"
 
 
-@settings_as_options()
 def fit(
     model: Annotated[str, typer.Argument(help="Classical model: {models}.")],
     data: Annotated[
@@ -203,7 +202,6 @@ def fit(
     """
     require_folder("--out", out)
 
-    from granbench.element_test.start import ModelChoice
     from granbench.fitting import Effort, FitSettings
     from granbench.fitting import fit as fitted
     from granbench.fitting.report import PICTURE, report_of
@@ -243,7 +241,7 @@ def fit(
         bootstrap=bootstrap,
     )
     tests, left_out = _tests(data, leave_out or (), reading)
-    cell: Any = ModelChoice(model, parameter_set, params).cell("principal")
+    cell: Any = one_model(model, parameter_set, params, order="principal").cell
     if settings.free is None:
         _require_shear(tests, [parameter.name for parameter in cell.parameter_table])
     total = settings.effort.adam_iterations + settings.effort.iterations

@@ -7,7 +7,15 @@ import typer
 
 from granbench.cli.printing import print_json, say
 from granbench.cli.shared_options import Json, Quiet
-from granbench.cli.submission import Board, Dataset, File, rerun_bar
+from granbench.cli.submission import (
+    Board,
+    Dataset,
+    File,
+    TaskFile,
+    records_to_score,
+    rerun_bar,
+    task_to_score,
+)
 from granbench.errors import ConfigurationError, SubmissionError
 
 app = typer.Typer(help="The leaderboard: accept submissions, build the site.", no_args_is_help=True)
@@ -17,6 +25,7 @@ app = typer.Typer(help="The leaderboard: accept submissions, build the site.", n
 def add(
     file: File,
     dataset: Dataset = None,
+    task: TaskFile = None,
     board: Board = None,
     replace: Annotated[
         bool, typer.Option("--replace", help="Replace a submission of the same name.")
@@ -33,22 +42,20 @@ def add(
 ) -> None:
     """Validate a submission and copy it, with its predictions or its model, onto the board.
 
-    The row has the recomputed numbers, not those of the file.
+    The board stores the recomputed numbers, not those of the file.
     """
-    from granbench.data.verification import task_file
     from granbench.leaderboard.board import accept, default_folder
     from granbench.leaderboard.submission import read_submission
-    from granbench.records import open_records
 
     folder = board or default_folder()
-    with rerun_bar(file, quiet or as_json) as progress:
-        if dataset is None:
-            target = accept(file, folder, replace=replace, word=word, progress=progress)
-        else:
-            with open_records(task_file(dataset)) as records:
-                target = accept(
-                    file, folder, records, replace=replace, word=word, progress=progress
-                )
+    chosen = task_to_score(task)
+    with (
+        records_to_score(dataset) as records,
+        rerun_bar(file, records, chosen, quiet or as_json) as progress,
+    ):
+        target = accept(
+            file, folder, records, task=chosen, replace=replace, word=word, progress=progress
+        )
     badge = read_submission(target).badge
     if as_json:
         print_json({"accepted": str(target), "badge": badge})
@@ -82,8 +89,7 @@ def build(
         rows.append(Row(claimed, path))
     by_task: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
-        dataset = row.submission.dataset
-        by_task.setdefault((dataset.name, dataset.version), []).append(row)
+        by_task.setdefault(row.submission.board, []).append(row)
     errors = {place: path_errors(of_task) for place, of_task in by_task.items()}
     index = render(rows, out, replicate_scatters(row.submission.dataset for row in rows), errors)
     if as_json:
@@ -107,7 +113,9 @@ def revalidate(
     ] = None,
     state: Annotated[
         Path | None,
-        typer.Option("--state", help="File that keeps what is done: run again to continue."),
+        typer.Option(
+            "--state", help="File that lists the rows that are done; run again with it to continue."
+        ),
     ] = None,
     quiet: Quiet = False,
 ) -> None:

@@ -65,14 +65,14 @@ def require_folder(option: str, folder: Path) -> None:
 
 
 def default_task() -> str:
-    """The dataset of a command that names none, which says so where it is not the usual one."""
+    """The task of a command that names none; a note says so if it is not the usual one."""
     from granbench.data.store import DEFAULTS, default_dataset
 
     task = default_dataset()
     if task != DEFAULTS[0]:
         note(
-            f"{DEFAULTS[0]} is not on this machine, so {task} is taken; name another dataset with "
-            "--task (`granbench data list`)"
+            f"{DEFAULTS[0]} is not on this machine, so {task} is used; name another task with "
+            "--task (`granbench task list`)"
         )
     return task
 

@@ -1,4 +1,4 @@
-"""`granbench submission`: check a submission before it goes to the board."""
+"""`granbench submission`: check a submission before it is sent to the board."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +14,9 @@ from granbench.errors import ConfigurationError, SubmissionError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    import xarray as xr
+
+    from granbench.benchmark.task import Task
     from granbench.leaderboard.admission import Examination
 
 app = typer.Typer(help="Submissions to the leaderboard.", no_args_is_help=True)
@@ -23,7 +26,13 @@ File = Annotated[
 ]
 Dataset = Annotated[
     str | None,
-    typer.Option("--dataset", help="Records to score against; those it names by default."),
+    typer.Option("--dataset", help="Records to score against; those of its task by default."),
+]
+TaskFile = Annotated[
+    str | None,
+    typer.Option(
+        "--task", help="Task to score on, by name or YAML file; the one that it names by default."
+    ),
 ]
 Board = Annotated[
     Path | None,
@@ -40,26 +49,25 @@ def submission() -> None:
 def validate(
     file: File,
     dataset: Dataset = None,
+    task: TaskFile = None,
     board: Board = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Score a submission again from its predictions, or run its model again; refuse the rest.
+    """Score a submission again from its predictions, or by running its model again.
 
-    Says as well whether the board would take it. A copy of the truth or of another row is refused,
-    as by `granbench leaderboard add`.
+    A number that is not reproduced is refused. So is a copy of the truth or of another row, as by
+    `granbench leaderboard add`; what else the board would object to is listed.
     """
-    from granbench.data.verification import task_file
     from granbench.leaderboard.admission import examine
-    from granbench.records import open_records
 
     folder = board_or_default(board)
-    with rerun_bar(file, quiet or as_json) as progress:
-        if dataset is None:
-            examination = examine(file, folder, progress=progress)
-        else:
-            with open_records(task_file(dataset)) as records:
-                examination = examine(file, folder, records, progress=progress)
+    chosen = task_to_score(task)
+    with (
+        records_to_score(dataset) as records,
+        rerun_bar(file, records, chosen, quiet or as_json) as progress,
+    ):
+        examination = examine(file, folder, records, task=chosen, progress=progress)
     for objection in examination.objections:
         if objection.flagged:
             raise SubmissionError(f"{file}: {objection.text}")
@@ -103,15 +111,15 @@ def _sentences(file: Path, examination: "Examination") -> Iterator[str]:
     if examination.validated.not_reproduced:
         yield (
             f"{where}: {scored - len(lost)} of {scored} values were reproduced from {source}; "
-            f"{len(lost)} were NOT, of analyses that the model has lost. The board shows the "
-            "recomputed ones, not those of the file."
+            f"{len(lost)} were NOT: they belong to analyses that the model has lost. The board "
+            "shows the recomputed values, not those of the file."
         )
         for label in lost[:5]:
             yield f"  not reproduced: {label}"
     else:
         yield f"{where} is valid; all {scored} values were reproduced from {source}"
     if checked.deterministic and len(checked.seeds) > 1:
-        yield "Its seeds have one answer: it is one deterministic model, and is shown so."
+        yield "All seeds give the same answers: it is shown as one deterministic model."
     if not examination.objections:
         yield "The board would take it."
     for objection in examination.objections:
@@ -133,18 +141,44 @@ def board_or_default(board: Path | None) -> Path | None:
 
 
 @contextmanager
-def rerun_bar(file: Path, hidden: bool) -> Iterator["Callable[[int, str], None] | None"]:
-    """Progress of a model that is run again; nothing where the scores come from predictions."""
+def records_to_score(dataset: str | None) -> "Iterator[xr.Dataset | None]":
+    """The records that `--dataset` names, verified; None where the option is left out."""
+    if dataset is None:
+        yield None
+        return
+    from granbench.data.verification import task_file
+    from granbench.records import open_records
+
+    with open_records(task_file(dataset)) as records:
+        yield records
+
+
+def task_to_score(task: str | None) -> "Task | None":
+    """The task that `--task` names; None where the option is left out."""
+    if task is None:
+        return None
+    from granbench.benchmark.task_registry import find_task
+
+    return find_task(task)
+
+
+@contextmanager
+def rerun_bar(
+    file: Path, records: "xr.Dataset | None", task: "Task | None", hidden: bool
+) -> Iterator["Callable[[int, str], None] | None"]:
+    """Progress of a model that is run again; None if the scores come from predictions."""
     from granbench.benchmark.evaluation import progress_parts
-    from granbench.cli.evaluate import evaluation_bar
+    from granbench.cli.evaluation_progress import evaluation_bar
     from granbench.leaderboard.rerunning import run_axes
     from granbench.leaderboard.submission import read_submission
+    from granbench.leaderboard.submitted_task import task_of
 
     submission = read_submission(file)
     if submission.model is None:
         yield None
         return
-    runs = len(submission.seeds) * progress_parts(run_axes(submission))
+    axes = run_axes(submission, task or task_of(submission, file, records))
+    runs = len(submission.seeds) * progress_parts(axes)
     with evaluation_bar(runs, submission.name, hidden) as advance:
         yield advance
 

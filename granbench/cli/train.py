@@ -1,4 +1,4 @@
-"""`granbench train`: train a baseline, or go on with a run that was begun."""
+"""`granbench train`: train a baseline, or continue an earlier run."""
 
 import json
 import math
@@ -13,6 +13,7 @@ from granbench.cli.options import default_task, require_cores, require_folder, s
 from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import print_json, say
 from granbench.cli.progress import progress_bar
+from granbench.cli.task_option import TaskName
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError, GranbenchError
 
@@ -27,27 +28,19 @@ SECONDS_PER_MINUTE = 60.0
 def train(
     baseline: Annotated[str, typer.Argument(metavar="BASELINE", help="One of {baselines}.")],
     out: Annotated[
-        Path, typer.Option("--out", help="Folder of the run; one that was begun is continued.")
+        Path, typer.Option("--out", help="Folder of the run; an earlier run there is continued.")
     ],
-    task: Annotated[
-        str | None,
-        typer.Option(
-            "--task",
-            metavar="NAME|FILE",
-            help="Dataset name or netCDF file; dem-triaxial by default, or dem-triaxial-mini where "
-            "that is not on this machine.",
-        ),
-    ] = None,
-    seed: Annotated[int, seed_option("Of weights and batches.")] = 0,
+    task: TaskName = None,
+    seed: Annotated[int, seed_option("Seed of weights and batches.")] = 0,
     preset: Annotated[
         str | None, typer.Option("--preset", help="Training settings, such as reference or paper.")
     ] = None,
     budget: Annotated[
         float | None,
-        typer.Option("--budget", metavar="MINUTES", help="Of training, over all sessions."),
+        typer.Option("--budget", metavar="MINUTES", help="Training time, over all sessions."),
     ] = None,
     epochs: Annotated[
-        int | None, typer.Option("--epochs", min=1, help="At most, in place of the preset's.")
+        int | None, typer.Option("--epochs", min=1, help="Most epochs, instead of the preset's.")
     ] = None,
     device: Annotated[str, typer.Option("--device", help="cpu or cuda.")] = "cpu",
     threads: Annotated[
@@ -61,10 +54,11 @@ def train(
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
 ) -> None:
-    """Train a baseline on a dataset; run the same command again to continue.
+    """Train a baseline on a task; run the same command again to continue.
 
-    The folder then holds model.safetensors and model.json, history.csv and learning_curve.png,
-    and training.safetensors, from which a run continues.
+    The model sees the training and validation splits of the task and nothing else. The folder then
+    holds model.safetensors and model.json, history.csv and learning_curve.png, and
+    training.safetensors, from which a run continues.
     """
     seconds = None if budget is None else _seconds(budget)
     require_cores("--threads", threads)
@@ -73,24 +67,23 @@ def train(
     import torch
 
     from granbench.baselines.training.history import CURVE_FILE, HISTORY_FILE
+    from granbench.benchmark.task_registry import find_task, task_records
     from granbench.cells.baseline import DESCRIPTION_FILE, TrainingRequest, find_baseline
-    from granbench.data.verification import task_file
-    from granbench.records import open_records
 
-    task = task or default_task()
     model = find_baseline(baseline)
-    # One by default: the bits of a result depend on the number of threads, and threads that
+    chosen = find_task(task or default_task())
+    # One by default: the last digits of a result depend on the number of threads, and threads that
     # wait for a busy core made an epoch twenty times slower.
     torch.set_num_threads(threads)
     with (
         stopped_by_sigterm(),
-        open_records(task_file(task)) as records,
+        task_records(chosen) as dataset,
         progress_bar(f"training {baseline}", 1.0, shown="share", hidden=quiet) as bar,
         _removed_if_empty(out),
     ):
         folder = model.train(
             TrainingRequest(
-                records=records,
+                records=chosen.trainable(dataset),
                 out=out,
                 seed=seed,
                 preset=preset,
@@ -127,7 +120,7 @@ def _figure(folder: Path, title: str) -> "Figure":
 
 @contextmanager
 def _removed_if_empty(out: Path) -> Iterator[None]:
-    """Take a new folder away again where an error came before anything was written."""
+    """Remove a new folder if an error came before anything was written into it."""
     fresh = not out.exists()
     try:
         yield
@@ -141,14 +134,12 @@ def _removed_if_empty(out: Path) -> Iterator[None]:
 def _seconds(budget: float) -> float:
     seconds = budget * SECONDS_PER_MINUTE
     if not 0.0 < seconds < math.inf:
-        raise ConfigurationError(
-            f"--budget {budget:g} is no time to train in; give it in minutes, above 0"
-        )
+        raise ConfigurationError(f"--budget must be a number of minutes above 0, not {budget:g}")
     return seconds
 
 
 def _losses(report: "EpochReport") -> str:
-    if math.isnan(report.validation_loss):  # a fit, which asks the validation split at its end
+    if math.isnan(report.validation_loss):  # a fit, which uses the validation split at its end
         return f"iteration {report.epoch}, training {report.training_loss:.2e}"
     return (
         f"epoch {report.epoch}, validation {report.validation_loss:.2e}, "

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from granbench.benchmark.protocols import PROTOCOLS
+from granbench.benchmark.axes.along_paths.protocols import PROTOCOLS
 from granbench.errors import ConfigurationError
 from granbench.plotting.error_curves import ErrorLine, draw_error_line, draw_floor
 from granbench.plotting.style import TRUTH, figure_grid, house_style, model_styles
@@ -105,7 +105,7 @@ def prediction_figure(
     records : the truth
     predictions : of each model by name; the first seed is drawn
     paths : names (`path_id`)
-    protocol : label in `granbench.benchmark.protocols.PROTOCOLS`
+    protocol : label in `granbench.benchmark.axes.along_paths.protocols.PROTOCOLS`
 
     Raises
     ------

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from granbench.benchmark.axes.along_paths.protocols import PROTOCOLS
 from granbench.benchmark.predictions import assemble, evaluated
-from granbench.benchmark.protocols import PROTOCOLS
 from granbench.data.normalisation import Normalisation
 
 

@@ -11,20 +11,22 @@ from small_cells import Persistence
 from granbench.baselines.oracle import OracleCell
 from granbench.benchmark.axes.physics.checks import CARRIES_TENSION, CHECKS, NO_TANGENT, PRINCIPAL
 from granbench.benchmark.evaluation import predict
-from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import EMBEDDED_OBSTACLE, PHYSICS_OBSTACLES, evaluated
+from granbench.benchmark.scoring import score
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
 
 
 @pytest.fixture(scope="module")
 def stated() -> xr.Dataset:
-    return embedded_tasks.task()
+    return embedded_tasks.embedding_records()
 
 
 @pytest.fixture(scope="module")
 def _predictions(stated) -> xr.Dataset:
-    return predict({0: cell(Elastic())}, evaluated(stated), ["rollout", "embedded", "physics"])
+    axes = ["rollout", "embedded", "physics"]
+    task = embedded_tasks.task_of(stated)
+    return predict({0: cell(Elastic())}, evaluated(stated), axes, task=task)
 
 
 @pytest.fixture
@@ -33,7 +35,8 @@ def predictions(_predictions) -> xr.Dataset:
 
 
 def card(predictions: xr.Dataset, records: xr.Dataset):
-    return score(predictions, evaluated(records), Normalisation.from_training(records))
+    task = embedded_tasks.task_of(records)
+    return score(predictions, evaluated(records), Normalisation.from_training(records), task)
 
 
 EXCUSES = {
@@ -82,7 +85,9 @@ def test_a_model_without_a_tangent_is_a_kind_of_model(predictions, stated):
 
 def test_the_ceiling_is_excused(stated):
     oracle = OracleCell(stated)
-    found = card(predict({0: oracle}, evaluated(stated), ["rollout", "embedded"]), stated)
+    task = embedded_tasks.task_of(stated)
+    predictions = predict({0: oracle}, evaluated(stated), ["rollout", "embedded"], task=task)
+    found = card(predictions, stated)
     assert found.perfect
     place = found.find("embedded-explicit", "all", "reaction_error")
     assert place.status == "not_applicable" and "reads its answers" in (place.reason or "")

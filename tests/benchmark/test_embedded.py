@@ -6,29 +6,41 @@ import numpy as np
 import pytest
 import torch
 import xarray as xr
-from embedded_tasks import OUTPUTS, ROUGH, SMOOTH, Elastic, Untraceable, analysis, cell, task
+from embedded_tasks import (
+    OUTPUTS,
+    ROUGH,
+    SMOOTH,
+    Elastic,
+    Untraceable,
+    analysis,
+    cell,
+    embedding_records,
+    task_of,
+)
 
 from granbench.benchmark.axes.embedded import predict as module
 from granbench.benchmark.axes.embedded.metrics import EMBEDDED_METRICS
 from granbench.benchmark.evaluation import predict
-from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import EMBEDDED_FAILURES, EMBEDDED_OBSTACLE, evaluated
 from granbench.benchmark.scorecard import Scorecard
+from granbench.benchmark.scoring import score
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.cells.find import find_cells
 from granbench.data.normalisation import Normalisation
 from granbench.errors import ConfigurationError, ModelError
-from granbench.fem.statement import SOLVERS
+from granbench.fem.statement import EMBEDDED_ANALYSES, SOLVERS
 from granbench.models import find_model
 from granbench.models.j2 import J2
 
 
 def made(model: MaterialCell, records: xr.Dataset, seeds: tuple[int, ...] = (0,)) -> xr.Dataset:
-    return predict(dict.fromkeys(seeds, model), evaluated(records), ["embedded"])
+    cells = dict.fromkeys(seeds, model)
+    return predict(cells, evaluated(records), ["embedded"], task=task_of(records))
 
 
 def card(predictions: xr.Dataset, records: xr.Dataset) -> Scorecard:
-    return score(predictions, evaluated(records), Normalisation.from_training(records))
+    normalisation = Normalisation.from_training(records)
+    return score(predictions, evaluated(records), normalisation, task_of(records))
 
 
 def values(found: Scorecard, solver: str, group: str = "all") -> dict[str, float | None]:
@@ -42,7 +54,7 @@ def values(found: Scorecard, solver: str, group: str = "all") -> dict[str, float
 @pytest.fixture(scope="module")
 def soft() -> tuple[xr.Dataset, xr.Dataset]:
     """An elastic truth, and a cell with four fifths of its stiffness."""
-    records = task()
+    records = embedding_records()
     return made(cell(Elastic(0.8)), records), records
 
 
@@ -56,7 +68,7 @@ def test_the_ground_truth_scores_exactly_zero(name: str, confinement: float, out
         choices={"ends": "rough", "confinement": confinement, "end_strain": 0.004 * outputs,
                  "speed": 1.0},
     )  # fmt: skip
-    records = task(truth, (rough,))
+    records = embedding_records(truth, (rough,))
     found = card(made(find_model(name)(), records), records)
     for solver in SOLVERS:
         of_solver = values(found, solver)
@@ -108,15 +120,15 @@ def test_the_time_of_an_analysis_is_that_of_its_fastest_run(monkeypatch) -> None
         return original(*args, **settings)
 
     monkeypatch.setattr(module, "run", counted)
-    records = task(analyses=(SMOOTH,))
-    found = module.embedded(cell(Elastic(0.8)), records)
+    records = embedding_records(analyses=(SMOOTH,))
+    found = module.embedded(cell(Elastic(0.8)), records, (SMOOTH,))
     # Two to warm up, then three each: these take a fraction of a second.
     assert len(runs) == 2 + len(SOLVERS) * 3
     assert (found["embedded_cell_seconds"] < found["embedded_seconds"]).all()
 
 
 def test_error_points_are_those_off_by_more_than_half() -> None:
-    records = task()
+    records = embedding_records()
     shares = [
         values(card(made(cell(Elastic(share)), records), records), "implicit")["error_point_share"]
         for share in (0.51, 0.49)
@@ -126,7 +138,7 @@ def test_error_points_are_those_off_by_more_than_half() -> None:
 
 def test_a_cell_that_breaks_keeps_what_it_reached_and_the_other_analyses() -> None:
     """At 5.5 eighths of the loading; the other analysis goes to a quarter only."""
-    records = task()
+    records = embedding_records()
     predictions = made(cell(Elastic(limit=5.5 / OUTPUTS * 2e-3)), records)
     found = card(predictions, records)
     for solver in SOLVERS:
@@ -161,7 +173,7 @@ def test_a_cell_that_breaks_keeps_what_it_reached_and_the_other_analyses() -> No
     ids=["single precision", "no tangent"],
 )
 def test_networks_and_cells_without_a_tangent_work_in_both_solvers(model, tolerance) -> None:
-    records = task()
+    records = embedding_records()
     found = card(made(model, records), records)
     for solver in SOLVERS:
         assert values(found, solver)["reached_share"] == 1.0
@@ -182,14 +194,14 @@ def test_a_model_learns_of_the_start_what_a_record_would_tell_it() -> None:
                        choices={"confinement": 1e5, "speed": 1.0})  # fmt: skip
     model = cell(Elastic(8.0))
     model._start = start
-    made(model, task(truth, (pressed,)))
+    made(model, embedding_records(truth, (pressed,)))
     state = truth.initial_state(Conditions(torch.tensor([[1e5, 1e5, 0.0]], dtype=torch.float64)))
     assert known == {float(state.detach()[0, truth.layout["void_ratio"]])}
 
 
 def test_a_floor_without_stiffness_says_why_it_fails() -> None:
     """Persistence bears nothing new: no load step of the implicit solver balances."""
-    records = task(J2(), (analysis("pressed", choices={"confinement": {
+    records = embedding_records(J2(), (analysis("pressed", choices={"confinement": {
         "curvature": 1.0, "seed": 0, "mean": 1e5, "deviation": 2e4}}),))  # fmt: skip
     predictions = made(find_cells("persistence", records).cell, records)
     found = card(predictions, records)
@@ -201,13 +213,13 @@ def test_a_floor_without_stiffness_says_why_it_fails() -> None:
 
 def test_an_analysis_that_converges_too_seldom_is_given_up(monkeypatch) -> None:
     monkeypatch.setattr(module, "UPDATES", 0)
-    predictions = made(J2(), task(J2(), (SMOOTH,)))
+    predictions = made(J2(), embedding_records(J2(), (SMOOTH,)))
     (reason,) = json.loads(predictions.attrs[EMBEDDED_FAILURES]).values()
     assert "given up after 0 updates" in reason
 
 
 def test_what_the_axis_does_not_apply_to_says_why() -> None:
-    records = task()
+    records = embedding_records()
     oracle = find_cells("oracle", records).cell
     predictions = made(oracle, records)
     assert "reads its answers" in predictions.attrs[EMBEDDED_OBSTACLE]
@@ -219,11 +231,13 @@ def test_what_the_axis_does_not_apply_to_says_why() -> None:
 
 
 def test_a_task_without_analyses_has_what_it_always_had() -> None:
-    records = task()
-    del records.attrs["embedded_analyses"]
-    predictions = made(J2(), records)
+    """Whatever the attribute of the file says: the analyses are those of the task."""
+    records = embedding_records()
+    assert EMBEDDED_ANALYSES in records.attrs
+    predictions = predict({0: J2()}, evaluated(records), ["embedded"])
     assert "no boundary-value problem" in predictions.attrs[EMBEDDED_OBSTACLE]
-    (found,) = [s for s in card(predictions, records).scores if s.axis == "embedded"]
+    alone = score(predictions, evaluated(records), Normalisation.from_training(records))
+    (found,) = [s for s in alone.scores if s.axis == "embedded"]
     assert found.key == ("embedded", "embedded", "test", "all", "all")
     assert found.reason == "this task has no boundary-value problem with a ground-truth cell"
 
@@ -232,7 +246,7 @@ def test_both_solvers_have_the_stated_steps() -> None:
     """Turning points that no load step ends at would make other steps."""
     cycles = analysis("cycles", outputs=2, choices={"cycles": "cyclic-8-4"})
     with pytest.raises(ConfigurationError, match="choose a number that its turning points divide"):
-        made(cell(Elastic()), task(analyses=(cycles,)))
+        made(cell(Elastic()), embedding_records(analyses=(cycles,)))
 
 
 def test_user_code_that_raises_is_named() -> None:
@@ -243,4 +257,4 @@ def test_user_code_that_raises_is_named() -> None:
     with pytest.raises(
         ModelError, match=r"failed with KeyError \(.fabric.\) at test_embedded.py line"
     ):
-        made(cell(Broken()), task(analyses=(ROUGH,)))
+        made(cell(Broken()), embedding_records(analyses=(ROUGH,)))

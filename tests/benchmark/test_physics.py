@@ -34,11 +34,11 @@ from granbench.benchmark.axes.physics.checks import (
 from granbench.benchmark.axes.physics.energy import cycle_work
 from granbench.benchmark.axes.physics.symmetry import asymmetry, exchanges, turn
 from granbench.benchmark.axes.physics.tangent import tangent_errors
+from granbench.benchmark.comparison import CEILING
 from granbench.benchmark.evaluation import predict
-from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import PHYSICS_OBSTACLES, evaluated
 from granbench.benchmark.scorecard import Scorecard
-from granbench.benchmark.statistics import CEILING
+from granbench.benchmark.scoring import score
 from granbench.cells.contract import Conditions, MaterialCell, ModuleCell, StateLayout
 from granbench.cells.find import find_cells
 from granbench.data.normalisation import Normalisation

@@ -15,14 +15,14 @@ from granbench.benchmark.axes.physics.checks import (
     STRESS_CHECKS,
     checked_paths,
 )
-from granbench.benchmark.every_axis import score
+from granbench.benchmark.comparison import CEILING
 from granbench.benchmark.predictions import (
     PHYSICS_OBSTACLES,
     assemble,
     open_predictions,
     write_predictions,
 )
-from granbench.benchmark.statistics import CEILING
+from granbench.benchmark.scoring import score
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
 from granbench.records.schema import GROUND_TRUTH

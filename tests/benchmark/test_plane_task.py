@@ -10,11 +10,12 @@ import xarray as xr
 from plane_records import plane_records
 
 from granbench.baselines.linear_elastic import fitted_moduli
+from granbench.benchmark.axes.along_paths.protocols import NOISE_PROTOCOLS, PROTOCOLS
 from granbench.benchmark.evaluation import predict
-from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import evaluated
-from granbench.benchmark.protocols import AXES, NOISE_PROTOCOLS, PROTOCOLS
+from granbench.benchmark.registry import axis_names
 from granbench.benchmark.scorecard import Scorecard
+from granbench.benchmark.scoring import score
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.cells.find import find_cells
 from granbench.data.adapters import conditions_of
@@ -23,7 +24,7 @@ from granbench.generators.classical.design import DATASETS
 from granbench.models import find_model
 
 
-def card(cell: MaterialCell, records: xr.Dataset, axes: Iterable[str] = AXES) -> Scorecard:
+def card(cell: MaterialCell, records: xr.Dataset, axes: Iterable[str] = axis_names()) -> Scorecard:
     scored = evaluated(records)
     return score(predict({0: cell}, scored, axes), scored, Normalisation.from_training(records))
 

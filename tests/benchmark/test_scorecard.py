@@ -6,16 +6,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from granbench.benchmark.every_axis import score
-from granbench.benchmark.metrics import METRIC_VERSION
+from granbench.benchmark.axes.along_paths.protocols import PROTOCOLS
+from granbench.benchmark.comparison import CEILING, path_statistics
+from granbench.benchmark.metric import METRIC_VERSION
 from granbench.benchmark.predictions import evaluated
-from granbench.benchmark.protocols import PROTOCOLS
-from granbench.benchmark.statistics import CEILING, path_statistics
+from granbench.benchmark.scoring import score
 from granbench.errors import SubmissionError
 
 
 def test_scoring_needs_no_torch():
-    code = "import sys, granbench.benchmark.every_axis; sys.exit('torch' in sys.modules)"
+    code = "import sys, granbench.benchmark.scoring; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -6,17 +6,18 @@ import re
 import numpy as np
 import pytest
 import xarray as xr
-from embedded_tasks import task as embedded_task
+import yaml
+from embedded_tasks import embedding_records, task_of
 from plane_records import plane_records
 
+from granbench.benchmark.axes.along_paths.protocols import NOISE_PROTOCOLS
 from granbench.benchmark.axes.physics.checks import CHECKS
 from granbench.benchmark.predictions import open_predictions
-from granbench.benchmark.protocols import NOISE_PROTOCOLS
 from granbench.cli import main
 from granbench.leaderboard.submission import read_submission
 from granbench.models import find_model
 from granbench.models.parameter_file import write_parameters
-from granbench.records import write_records
+from granbench.records import open_records, write_records
 
 MODEL = """
 import torch
@@ -62,8 +63,8 @@ def granbench(capsys, monkeypatch, tmp_path):
 
 @pytest.fixture
 def task(shelf, records):
-    """The synthetic records as a registered dataset that is at hand."""
-    shelf.publish(records)
+    """The synthetic records as a registered dataset that is at hand, and its task."""
+    shelf.add_task(shelf.publish(records))
     shelf.use_mirror(shelf.mirror)
     return "synthetic"
 
@@ -237,7 +238,7 @@ def test_the_oracle_is_the_ceiling(granbench, task, tmp_path):
 def test_what_a_user_can_get_wrong_is_said_in_one_sentence(granbench, task, my_model, tmp_path):
     refused(granbench("evaluate", "persistance", "--task", task), "did you mean 'persistence'")
     refused(granbench("evaluate", "mlstm", "--task", task), "has to be trained first")
-    refused(granbench("evaluate", "persistence", "--task", "nowhere"), "unknown dataset")
+    refused(granbench("evaluate", "persistence", "--task", "nowhere"), "unknown task")
     refused(granbench("evaluate", "persistence", "--task", task, "--axis", "sideways"),
             "unknown axis 'sideways'", "rollout")  # fmt: skip
     refused(granbench("evaluate", "persistence", "--task", task, "--seeds", "0,x"), "--seeds")
@@ -356,20 +357,27 @@ def test_a_model_is_kept_in_place_of_its_predictions_and_run_again(granbench, tm
 
 
 def test_a_model_is_put_in_place_of_the_ground_truth(granbench, tmp_path):
-    """Both solvers, every analysis by name; a task without analyses says why there is none."""
-    write_records(embedded_task(), tmp_path / "task.nc")
+    """Both solvers, every analysis by name; a task without analyses has no such axis."""
+    records = embedding_records()
+    file = write_records(records, tmp_path / "records.nc")
+    with open_records(file) as written:
+        task = task_of(written).model_copy(update={"id": "toy"})
+    content = task.model_dump(mode="json", exclude_none=True)
+    content["dataset"]["file"] = file.name
+    (tmp_path / "toy.yaml").write_text(yaml.safe_dump(content))
     words = ("--axis", "embedded", "--seeds", "0", "--out", "embedded.json")
-    code, output, error = granbench("evaluate", "linear-elastic", "--task", "task.nc", *words)
+    code, output, error = granbench("evaluate", "linear-elastic", "--task", "toy.yaml", *words)
     assert (code, error) == (0, "")
     for solver in ("explicit", "implicit"):
         assert f"linear-elastic in place of the ground truth, {solver}" in output
     assert "Steps before failure" in output and "smooth" in output and "rough" in output
+    assert "embedded has 2 analyses" in " ".join(output.split())
     submission = read_submission(tmp_path / "embedded.json")
+    assert submission.task == "toy"
     assert {s.axis for s in submission.scores if s.status == "scored"} == {"embedded"}
-    code, output, _ = granbench("evaluate", "oracle", "--task", "task.nc", *words)
+    code, output, error = granbench("submission", "validate", "embedded.json", "--task", "toy.yaml")
+    assert code == 0 and "is valid" in output, error
+    code, output, _ = granbench("evaluate", "oracle", "--task", "toy.yaml", *words)
     assert code == 0
     assert "Embedded, explicit: n/a, the model reads its answers" in " ".join(output.split())
-    write_records(plane_records(), tmp_path / "paths.nc")
-    code, output, _ = granbench("evaluate", "linear-elastic", "--task", "paths.nc", *words)
-    assert code == 0
-    assert "no boundary-value problem with a ground-truth cell" in " ".join(output.split())
+    refused(granbench("evaluate", "linear-elastic", "--task", "records.nc", *words), "'embedded'")

@@ -13,7 +13,7 @@ from granbench.cli.application import app
 from granbench.errors import DatasetError
 
 HEAVY = ("torch", "numpy", "scipy", "xarray", "netCDF4", "matplotlib", "dask", "pydantic")
-COMMANDS = ("data", "generate", "train", "evaluate", "submission", "leaderboard")
+COMMANDS = ("data", "task", "generate", "train", "evaluate", "submission", "leaderboard")
 
 
 def left_with(words: Sequence[str]) -> int:

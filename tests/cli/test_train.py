@@ -62,9 +62,9 @@ def test_quiet_says_nothing(
         (("mlstm", "--preset", "fast"), "preset"),
         (("mlstm", "--device", "abacus"), "abacus"),
         (("mlstm", "--epochs", "0"), "epochs"),
-        (("mlstm", "--budget", "-1"), "--budget -1 is no time to train in; give it in minutes"),
-        (("mlstm", "--budget", "0"), "minutes"),
-        (("mlstm", "--budget", "nan"), "minutes"),
+        (("mlstm", "--budget", "-1"), "--budget"),
+        (("mlstm", "--budget", "0"), "--budget"),
+        (("mlstm", "--budget", "nan"), "--budget"),
         (("mlstm", "--seed", "-1"), "--seed"),
         (("mlstm", "--speed", "9"), "--speed"),
         (("mlstm", "--task", "no-such-dataset"), "no-such-dataset"),
@@ -119,4 +119,4 @@ def test_folder_of_another_run_is_refused(
     words = ("--task", records_file, "--out", tmp_path / "model", "--epochs", 1, "--quiet")
     assert run("train", "lstm", *words) == 0
     assert run("train", "mlstm", *words) == 2
-    assert "choose another --out" in capsys.readouterr().err
+    assert "--out" in capsys.readouterr().err

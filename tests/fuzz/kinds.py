@@ -60,13 +60,11 @@ def _dataset_seeds(folder: Path) -> None:
 def _read_dataset(folder: Path) -> None:
     from granbench.data.summary import listed_paths, summarise_file
     from granbench.data.verification import read_as_trusted, verify_file
-    from granbench.fem.statement import embedded_analyses
     from granbench.models.ground_truth import ground_truth_cell
 
     file = _only_file(folder)
     with open_records(file) as ds:
         ground_truth_cell(ds)
-        embedded_analyses(ds)
         ds.load()
     read_as_trusted(file, listed_paths)
     read_as_trusted(file, summarise_file)
@@ -92,9 +90,9 @@ def _submission_seeds(folder: Path) -> None:
 
 
 def _known(wanted: tuple[str, ...]) -> tuple[str, ...]:
-    from granbench.benchmark.protocols import AXES
+    from granbench.benchmark.registry import axis_names
 
-    return tuple(axis for axis in AXES if axis in wanted) or AXES
+    return tuple(axis for axis in axis_names() if axis in wanted) or axis_names()
 
 
 def _model_submission(records: Path, out: Path) -> None:
@@ -103,13 +101,13 @@ def _model_submission(records: Path, out: Path) -> None:
 
     from granbench.benchmark.evaluation import predict
     from granbench.benchmark.predictions import evaluated
-    from granbench.benchmark.protocols import AXES
+    from granbench.benchmark.registry import axis_names
     from granbench.cells.find import find_cells
     from granbench.leaderboard.composition import compose
 
     with open_records(records) as sealed:
         candidate = find_cells("j2", sealed.load(), seeds=(0,))
-        predictions = predict(candidate.cells, evaluated(sealed), AXES[:1])
+        predictions = predict(candidate.cells, evaluated(sealed), axis_names()[:1])
         compose(predictions, sealed, about("j2"), out)
 
 

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 from small_cells import Persistence, secant
+from small_submissions import register_task
 
 from granbench.benchmark.axes.physics.checks import CHECKS
-from granbench.benchmark.metrics import METRIC_VERSION
+from granbench.benchmark.metric import METRIC_VERSION
 from granbench.data.replicates import replicate_scatter
 from granbench.errors import ConfigurationError, SubmissionError
 from granbench.leaderboard.board import Row, accept, accepted, default_folder, slug
@@ -261,7 +262,7 @@ def test_a_board_of_an_older_metric_version_is_scored_again(board, sealed, monke
     content["metric_version"] = "0.9"
     content["scores"] = content["scores"][:1]
     file.write_text(json.dumps(content))
-    monkeypatch.setattr("granbench.leaderboard.rescoring.load", lambda name: sealed.copy())
+    register_task(sealed, monkeypatch)
     assert list(rescore(board)) == [file]
     assert read_submission(file) == before
     assert validate(file, sealed).name == "secant"

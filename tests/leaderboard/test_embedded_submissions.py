@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from embedded_tasks import Elastic, cell, task
+from embedded_tasks import Elastic, cell, embedding_records, task_of
 from small_submissions import about, submitted
 
 from granbench.benchmark.evaluation import predict
-from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import evaluated, open_predictions, write_predictions
 from granbench.benchmark.scorecard import Score, Scorecard
+from granbench.benchmark.scoring import score
 from granbench.cells.find import find_cells
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
@@ -28,7 +28,7 @@ from granbench.records import open_records, write_records
 
 @pytest.fixture(scope="module")
 def records(tmp_path_factory) -> xr.Dataset:
-    file = write_records(task(), tmp_path_factory.mktemp("task") / "task.nc")
+    file = write_records(embedding_records(), tmp_path_factory.mktemp("task") / "task.nc")
     with open_records(file) as written:
         return written.load()
 
@@ -36,7 +36,9 @@ def records(tmp_path_factory) -> xr.Dataset:
 @pytest.fixture(scope="module")
 def _submission(tmp_path_factory, records) -> Path:
     out = tmp_path_factory.mktemp("submission") / "soft.json"
-    return submitted(cell(Elastic(0.8)), records, out, axes=["embedded"], seeds=(0, 1))
+    return submitted(
+        cell(Elastic(0.8)), records, out, task=task_of(records), axes=["embedded"], seeds=(0, 1)
+    )
 
 
 @pytest.fixture
@@ -59,7 +61,7 @@ def rewritten(file: Path, change: Callable[[xr.Dataset], xr.Dataset]) -> Path:
 
 
 def test_scores_come_out_again_from_the_predictions(submission, records) -> None:
-    checked = validate(submission, records)
+    checked = validate(submission, records, task=task_of(records))
     assert checked.badge == "rescored"
     keys = {curve.key for curve in checked.curves}
     assert ("embedded-implicit", "all", "smooth", "error_point_share") in keys
@@ -72,7 +74,7 @@ def test_a_tampered_score_is_refused(submission, records, metric) -> None:
     score["value"] = 0.5 * score["value"]
     submission.write_text(json.dumps(content))
     with pytest.raises(SubmissionError, match=f"{metric} cannot be reproduced"):
-        validate(submission, records)
+        validate(submission, records, task=task_of(records))
 
 
 def test_a_tampered_curve_is_refused(submission, records) -> None:
@@ -80,7 +82,7 @@ def test_a_tampered_curve_is_refused(submission, records) -> None:
     content["curves"][-1]["value"][0] = 0.25
     submission.write_text(json.dumps(content))
     with pytest.raises(SubmissionError, match="curve embedded-implicit / all / rough"):
-        validate(submission, records)
+        validate(submission, records, task=task_of(records))
 
 
 def test_a_ground_truth_moved_towards_the_model_is_refused(submission, records) -> None:
@@ -93,9 +95,9 @@ def test_a_ground_truth_moved_towards_the_model_is_refused(submission, records) 
     rewritten(submission, moved)
     predictions = open_predictions(submission.with_suffix(".nc"))
     given = read_submission(submission)
-    compose(predictions, records, about(given.name), submission)
+    compose(predictions, records, about(given.name), submission, task=task_of(records))
     with pytest.raises(SubmissionError, match="embedded_truth_reaction is not what"):
-        validate(submission, records)
+        validate(submission, records, task=task_of(records))
 
 
 SPOILED: dict[str, tuple[Callable[[xr.Dataset], xr.Dataset], str]] = {
@@ -126,16 +128,16 @@ SPOILED: dict[str, tuple[Callable[[xr.Dataset], xr.Dataset], str]] = {
 def test_predictions_of_other_analyses_are_refused(submission, records, case) -> None:
     change, complaint = SPOILED[case]
     with pytest.raises(SubmissionError, match=complaint):
-        validate(rewritten(submission, change), records)
+        validate(rewritten(submission, change), records, task=task_of(records))
 
 
 def test_a_kept_model_is_analysed_again(tmp_path, records) -> None:
     candidate = find_cells("linear-elastic", records)
-    predictions = predict(candidate.cells, evaluated(records), ["embedded"])
+    predictions = predict(candidate.cells, evaluated(records), ["embedded"], task=task_of(records))
     out = tmp_path / "elastic.json"
     facts = about("elastic", parameters=candidate.parameters, role="floor")
-    compose(predictions, records, facts, out, model=candidate)
-    assert validate(out, records).badge == "rerun"
+    compose(predictions, records, facts, out, task=task_of(records), model=candidate)
+    assert validate(out, records, task=task_of(records)).badge == "rerun"
 
 
 def numbers(metric: str) -> Score:
@@ -167,10 +169,11 @@ def evaluated_twice(
 ) -> tuple[Submission, Scorecard, Path]:
     """What is claimed of an elastic model of that stiffness, what is found again, and the file."""
     out = folder / "model.json"
-    submitted(cell(Elastic(stiffness)), records, out, axes=["embedded"], seeds=(0,))
+    task = task_of(records)
+    submitted(cell(Elastic(stiffness)), records, out, task=task, axes=["embedded"], seeds=(0,))
     card = score(
         open_predictions(out.with_suffix(".nc")), evaluated(records),
-        Normalisation.from_training(records),
+        Normalisation.from_training(records), task,
     )  # fmt: skip
     return read_submission(out), card, out
 
@@ -227,8 +230,8 @@ def test_a_lost_analysis_excuses_no_nonsense(
 
 def test_the_board_shows_analyses_against_models(submission, records, tmp_path) -> None:
     other = submitted(
-        cell(Elastic(0.9)), records, tmp_path / "stiffer.json", axes=["embedded"], seeds=(0,),
-        name="stiffer",
+        cell(Elastic(0.9)), records, tmp_path / "stiffer.json", task=task_of(records),
+        axes=["embedded"], seeds=(0,), name="stiffer",
     )  # fmt: skip
     rows = [Row(read_submission(file), file) for file in (submission, other)]
     page = build(rows, tmp_path / "site").parent / "gp-j2-0.0.0-smoke.html"
@@ -245,8 +248,8 @@ def test_the_board_shows_analyses_against_models(submission, records, tmp_path) 
 
 def test_the_board_draws_error_points_along_the_analyses(submission, records, tmp_path) -> None:
     far_off = submitted(
-        cell(Elastic(4.0)), records, tmp_path / "far-off.json", axes=["embedded"], seeds=(0,),
-        name="far-off",
+        cell(Elastic(4.0)), records, tmp_path / "far-off.json", task=task_of(records),
+        axes=["embedded"], seeds=(0,), name="far-off",
     )  # fmt: skip
     rows = [Row(read_submission(file), file) for file in (submission, far_off)]
     text = (build(rows, tmp_path / "site").parent / "gp-j2-0.0.0-smoke.html").read_text()

@@ -17,7 +17,7 @@ from granbench.baselines.training.model_files import ModelDescription, write_mod
 from granbench.benchmark.axes.physics.checks import CHECKS
 from granbench.benchmark.evaluation import predict
 from granbench.benchmark.predictions import evaluated
-from granbench.benchmark.protocols import AXES
+from granbench.benchmark.registry import axis_names
 from granbench.benchmark.scorecard import Score
 from granbench.cells.find import FoundModel, find_cells
 from granbench.errors import SubmissionError
@@ -58,7 +58,7 @@ def plane(tmp_path_factory) -> xr.Dataset:
         return written.load()
 
 
-def kept(model: str, records: xr.Dataset, out: Path, axes=AXES, **given) -> Path:
+def kept(model: str, records: xr.Dataset, out: Path, axes=None, **given) -> Path:
     """A submission with its model, as `granbench evaluate --keep model` writes it."""
     candidate = find_cells(model, records, **given)
     predictions = predict(
@@ -365,7 +365,7 @@ def test_the_page_shows_that_a_model_was_run_again(submission, plane, tmp_path) 
 def test_a_page_shows_both_kinds_of_evidence(submission, plane, tmp_path) -> None:
     cell = find_cells("j2", plane).cell
     out = tmp_path / "told.json"
-    predictions = predict(dict.fromkeys(SEEDS, cell), evaluated(plane), AXES)
+    predictions = predict(dict.fromkeys(SEEDS, cell), evaluated(plane), axis_names())
     compose(predictions, plane, about("told"), out)
     rows = [Row(read_submission(file), file) for file in (out, submission("persistence"))]
     build(rows, tmp_path / "site")
@@ -384,10 +384,20 @@ def test_under_new_metrics_a_model_is_run_again(submission, plane) -> None:
     assert again.curves == before.curves
 
 
-def test_a_version_that_only_added_an_axis_runs_nothing_again(submission, plane) -> None:
-    """1.2 added analyses, which this task does not state; a changed score would be found out."""
-    file = submission("persistence")
-    written = read_submission(file)
-    older = written.model_copy(update={"metric_version": "1.1"})
-    again = rescored(older, file.with_name("nowhere.json"), plane)
-    assert again == written
+def test_a_version_that_only_left_intervals_out_runs_nothing_again(submission, plane) -> None:
+    """1.2 had intervals of two specimens; a rerun would miss the files."""
+    few = plane.assign_coords(specimen=plane["specimen"].copy(data=two_specimens(plane)))
+    written = read_submission(submission("persistence"))
+    older = written.model_copy(update={"metric_version": "1.2"})
+    nowhere = Path("nowhere.json")
+    assert rescored(older, nowhere, plane) == written
+    assert any(score.low is not None for score in written.scores)
+    without = rescored(older, nowhere, few)
+    assert all(score.low is None for score in without.scores)
+    assert not any(curve.low for curve in without.curves)
+    values = [[score.value for score in one.scores] for one in (without, written)]
+    assert values[0] == values[1]
+
+
+def two_specimens(records: xr.Dataset) -> np.ndarray:
+    return np.array([f"s{path % 2}" for path in range(records.sizes["path"])], dtype=object)

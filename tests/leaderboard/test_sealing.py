@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from small_submissions import register_task
 
 from granbench.errors import SubmissionError
 from granbench.leaderboard.board import accept, accepted
@@ -135,9 +136,7 @@ def test_only_rows_that_a_change_touches_are_validated_again(board, submit, seal
 
 
 def test_an_interrupted_validation_of_all_rows_goes_on(board, sealed, tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        "granbench.leaderboard.validation._registered", lambda submission, path: sealed.copy()
-    )
+    register_task(sealed, monkeypatch)
     state = tmp_path / "state.json"
     first = next(revalidate(accepted(board), board, state))
     assert first.complaint is None and not first.known

@@ -3,8 +3,8 @@ import pytest
 from small_cells import Fragile, Oracle, Persistence, secant
 
 from granbench.benchmark.evaluation import predict
-from granbench.benchmark.every_axis import score
 from granbench.benchmark.predictions import evaluated
+from granbench.benchmark.scoring import score
 from granbench.data.normalisation import Normalisation
 from granbench.errors import ConfigurationError
 from granbench.plotting.predictions import horizon_figure, prediction_figure, typical_paths

@@ -4,10 +4,10 @@ import json
 from collections import Counter
 
 import pytest
+from pydantic import ValidationError
 
-from granbench.errors import DatasetError
 from granbench.fem.build import build_problem
-from granbench.fem.statement import EMBEDDED_ANALYSES, embedded_analyses, stated
+from granbench.fem.statement import EmbeddedAnalysis, as_attribute
 from granbench.generators.fem.design import DATASETS, PRESETS, FemPreset
 from granbench.generators.fem.plan import AnalysisPlan, embedded_analyses_of, planned_analyses
 
@@ -69,22 +69,15 @@ def test_another_seed_draws_other_confinements() -> None:
     assert len(ours) == len(theirs) and not ours & theirs
 
 
-def test_embedded_analyses_are_read_back_from_their_attribute(tmp_path) -> None:
+def test_embedded_analyses_survive_their_attribute() -> None:
     modulus = dict.fromkeys((plan.name for plan in plans()), 2e7)
     listed = embedded_analyses_of(plans(), CORE, modulus)
     assert {analysis.problem for analysis in listed} == {
         "biaxial", "retaining-wall", "strip-footing",
     }  # fmt: skip
 
-    class Records:
-        attrs = {"dataset": "made", EMBEDDED_ANALYSES: stated(listed)}
-
-    assert embedded_analyses(Records()) == listed
-    damaged = json.loads(Records.attrs[EMBEDDED_ANALYSES])
-    damaged[1]["choices"].pop("confinement")
-    Records.attrs[EMBEDDED_ANALYSES] = json.dumps(damaged)
-    with pytest.raises(DatasetError, match=EMBEDDED_ANALYSES):
-        embedded_analyses(Records())
-    Records.attrs[EMBEDDED_ANALYSES] = json.dumps([damaged[0], damaged[0]])
-    with pytest.raises(DatasetError, match=EMBEDDED_ANALYSES):
-        embedded_analyses(Records())
+    written = json.loads(as_attribute(listed))
+    assert tuple(map(EmbeddedAnalysis.model_validate, written)) == listed
+    written[1]["choices"].pop("confinement")
+    with pytest.raises(ValidationError, match="confinement"):
+        EmbeddedAnalysis.model_validate(written[1])

@@ -7,7 +7,7 @@ import torch
 import xarray as xr
 from torch import Tensor
 
-from granbench.benchmark.protocols import WINDOW_STEPS
+from granbench.benchmark.axes.along_paths.protocols import WINDOW_STEPS
 from granbench.cells.contract import MaterialCell
 from granbench.cells.robust_runs import Series, robust_rollout
 from granbench.data.adapters import conditions_of

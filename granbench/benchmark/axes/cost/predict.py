@@ -8,13 +8,11 @@ import xarray as xr
 from torch import Tensor
 
 from granbench.benchmark.axes.along_paths.free_run import strain_of
+from granbench.benchmark.axes.cost.metrics import POINTS, TRUTH_UPDATE, UPDATE
 from granbench.benchmark.axes.physics.checks import checked_paths
 from granbench.cells.contract import FLOATING_FAILURES, MaterialCell
 from granbench.cells.robust_runs import robust_states
 from granbench.data.adapters import conditions_of
-
-POINTS = (100, 10_000)
-"""Gauss points in one call of `step`: a coarse mesh in the plane, and a fine one."""
 
 ROUNDS = 7
 """Timings of each cell, taken in turn; the fastest counts, for nothing makes a run too fast."""
@@ -43,9 +41,9 @@ def cost(cell: MaterialCell, dataset: xr.Dataset, truth: MaterialCell | None) ->
     """
     if cell.reads_records:
         return xr.Dataset()
-    cells = {"update_seconds": cell}
+    cells = {UPDATE: cell}
     if truth is not None:
-        cells["truth_update_seconds"] = truth
+        cells[TRUTH_UPDATE] = truth
     starts = {name: _starts(each, dataset) for name, each in cells.items()}
     seconds = {name: np.full(len(POINTS), np.inf) for name in cells}
     for size, points in enumerate(POINTS):

@@ -1,12 +1,12 @@
-"""The embedded axis: a model in place of the ground truth, in boundary-value problems.
+"""Boundary-value problems with a model, and with the ground truth, at every Gauss point.
 
-Each analysis of the task is made with the model and, in the same way, with the ground
-truth: the same mesh, loading, output steps and explicit time step, which follows from the ground
-truth's stiffness. `granbench.benchmark.axes.embedded.scores` compares the two.
+Each analysis of the task is made with the model and, in the same way, with the ground truth: the
+same mesh, loading, output steps and explicit time step, which follows from the ground truth's
+stiffness. `granbench.benchmark.axes.embedded.analysis_errors` compares the two.
 """
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -15,22 +15,16 @@ import torch
 import xarray as xr
 
 from granbench.benchmark.axes.embedded.timed_cell import TimedCell
+from granbench.benchmark.scored_records import ScoredRecords
 from granbench.cells.check import POINTS
 from granbench.cells.contract import Conditions, MaterialCell
-from granbench.errors import ConfigurationError, DatasetError
+from granbench.errors import ConfigurationError
 from granbench.fem import ExplicitSettings, ImplicitSettings, run
 from granbench.fem.analysis import settings_for
 from granbench.fem.build import build_problem
 from granbench.fem.cell_failure import CellFailure
-from granbench.fem.statement import (
-    NOT_IN_THE_PLANE,
-    READS_RECORDS,
-    SOLVERS,
-    EmbeddedAnalysis,
-    spread_points,
-)
+from granbench.fem.statement import SOLVERS, EmbeddedAnalysis, spread_points
 from granbench.models.classical import ClassicalCell
-from granbench.models.ground_truth import ground_truth_cell
 from granbench.models.isotropic_start import internals_at_start
 from granbench.tensors import COMPONENT_ORDERS
 
@@ -57,38 +51,11 @@ REPEATS, PATIENCE = 3, 2.0
 """How often an analysis is made for its time, unless the runs take longer than this, CPU s."""
 
 
-def embedded_obstacle(
-    dataset: xr.Dataset, analyses: Sequence[EmbeddedAnalysis], cells: Iterable[MaterialCell]
-) -> str | None:
-    """Why the axis does not apply to a task and a model's cells, or None.
-
-    Parameters
-    ----------
-    dataset : the scored records, with the ground truth of the task
-    analyses : of the task
-    cells : of the model
-
-    Raises
-    ------
-    DatasetError
-        If the task has analyses, but no ground truth.
-    """
-    if not analyses:
-        return "this task has no boundary-value problem with a ground-truth cell"
-    if tuple(map(str, dataset["component"].values)) != COMPONENT_ORDERS[ORDER]:
-        return NOT_IN_THE_PLANE
-    if any(cell.reads_records for cell in cells):
-        return READS_RECORDS
-    _truth(dataset)
-    return None
-
-
-def analysis_start(
-    cell: MaterialCell, dataset: xr.Dataset, analyses: Sequence[EmbeddedAnalysis]
-) -> Conditions:
+def analysis_start(cell: MaterialCell, task: ScoredRecords) -> Conditions:
     """What is known of a few Gauss points where the first analysis of a task begins."""
-    pressure = analyses[0].confinement
-    scalars = {"initial_mean_stress": pressure, **internals_at_start(_truth(dataset), pressure)}
+    pressure = task.analyses[0].confinement
+    start = internals_at_start(task.require_ground_truth(), pressure)
+    scalars = {"initial_mean_stress": pressure, **start}
     stress = torch.tensor([[pressure, pressure, 0.0]] * POINTS, dtype=cell.dtype)
     known = {
         name: torch.full((POINTS,), value, dtype=cell.dtype) for name, value in scalars.items()
@@ -96,16 +63,13 @@ def analysis_start(
     return Conditions(stress, known)
 
 
-def embedded(
-    cell: MaterialCell, dataset: xr.Dataset, analyses: Sequence[EmbeddedAnalysis]
-) -> xr.Dataset:
+def embedded(cell: MaterialCell, task: ScoredRecords) -> xr.Dataset:
     """Every analysis of a task, with a model.
 
     Parameters
     ----------
     cell : the model, in plane components
-    dataset : the records, with the ground truth of the task
-    analyses : of the task
+    task : its `analyses` are made
 
     Returns
     -------
@@ -114,10 +78,10 @@ def embedded(
     NaN from where an analysis failed; `embedded_seconds` and `embedded_cell_seconds`, CPU time of
     the fastest run; and `failure`, why it ended early, "" where it did not
     """
-    return _every_analysis(cell, dataset, analyses, "embedded_")
+    return _every_analysis(cell, task, "embedded_")
 
 
-def embedded_truth(dataset: xr.Dataset, analyses: Sequence[EmbeddedAnalysis]) -> xr.Dataset:
+def embedded_truth(task: ScoredRecords) -> xr.Dataset:
     """As `embedded`, with the ground truth itself; the names begin with `embedded_truth_`.
 
     Raises
@@ -125,21 +89,12 @@ def embedded_truth(dataset: xr.Dataset, analyses: Sequence[EmbeddedAnalysis]) ->
     DatasetError
         If no model made the records.
     """
-    found = _every_analysis(_truth(dataset), dataset, analyses, "embedded_truth_")
-    return found.drop_vars("failure")
+    found = _every_analysis(task.require_ground_truth(), task, "embedded_truth_")
+    return found.drop_vars(FAILURE)
 
 
-def _truth(dataset: xr.Dataset) -> ClassicalCell:
-    truth = ground_truth_cell(dataset)
-    if truth is None:
-        raise DatasetError("the records name no ground truth; use a dataset that a model made")
-    return truth
-
-
-def _every_analysis(
-    cell: MaterialCell, dataset: xr.Dataset, analyses: Sequence[EmbeddedAnalysis], prefix: str
-) -> xr.Dataset:
-    truth = _truth(dataset)
+def _every_analysis(cell: MaterialCell, task: ScoredRecords, prefix: str) -> xr.Dataset:
+    truth, analyses = task.require_ground_truth(), task.analyses
     with _one_thread():
         _warm_up(cell, analyses[0], truth)
         by_solver = [
@@ -152,7 +107,7 @@ def _every_analysis(
         analysis=np.array([each.name for each in analyses], dtype=object),
         output=np.arange(found.sizes["output"]),
         gauss_point=np.arange(found.sizes["gauss_point"]),
-        component=dataset["component"].values.astype(object),
+        component=np.array(task.components, dtype=object),
     )
     return found.rename({name: f"{prefix}{name}" for name in found.data_vars if name != FAILURE})
 

@@ -16,7 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from granbench.benchmark.protocols import PHYSICS
+from granbench.benchmark.axis import Part
+
+NAME = "physics"
+TANGENT, ROTATION, COMPRESSION = "tangent", "rotation", "compression"
 
 CHECKED_PATHS = 16
 """Of each split, or all where there are fewer."""
@@ -30,31 +33,35 @@ That is about a step of the random paths (their median is 1.3e-3), of the partic
 finite-element analysis."""
 
 
-@dataclass(frozen=True)
-class Check:
-    """One law and how its violation is measured.
+PHYSICS_OBSTACLES = "physics_not_applicable"
+"""Global attribute where the physics axis was run: JSON, why a check does not apply, by name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check(Part):
+    """One law and how its violation is measured; `definition` says it in one sentence.
 
     Parameters
     ----------
-    name : label in the files
-    title : for people
-    definition : how the violation of a path is measured, in one sentence
     tolerance : largest violation of a path that passes
     reason : of the tolerance
     """
 
-    name: str
-    title: str
-    definition: str
     tolerance: float
     reason: str
-    axis: str = PHYSICS
+
+
+def _check(name: str, title: str, definition: str, tolerance: float, reason: str) -> Check:
+    return Check(
+        name=name, axis=NAME, title=title, definition=definition, limit=tolerance,
+        tolerance=tolerance, reason=reason,
+    )  # fmt: skip
 
 
 CHECKS: dict[str, Check] = {
     check.name: check
     for check in (
-        Check(
+        _check(
             "tangent",
             "Tangent",
             "norm of the difference between the tangent and central differences of `step`, in "
@@ -63,14 +70,14 @@ CHECKS: dict[str, Check] = {
             "smooth responses agree to 1e-8; that of CSUH, whose error control takes other "
             "substeps nearby, to 5e-4",
         ),
-        Check(
+        _check(
             "zero-increment",
             "Zero increment",
             "change of stress over an increment of zero, in training standard deviations",
             1e-6,
             "the rounding of single precision at a few standard deviations",
         ),
-        Check(
+        _check(
             "substeps-10",
             "1 against 10 substeps",
             "norm of the difference of the stress after one increment and after 10 equal parts "
@@ -80,14 +87,14 @@ CHECKS: dict[str, Check] = {
             "implicit return mappings are off by up to 0.04 at such an increment, for the strain "
             "turns the stress while it grows",
         ),
-        Check(
+        _check(
             "substeps-100",
             "1 against 100 substeps",
             "the same with 100 equal parts",
             0.05,
             "as for 10 substeps",
         ),
-        Check(
+        _check(
             "rotation",
             "Rotation",
             "difference of the stress along the whole path and the stress, turned back, along "
@@ -96,7 +103,7 @@ CHECKS: dict[str, Check] = {
             "rounding of single precision: some 1e-6 for elasticity, more where a model amplifies "
             "along the path what it starts from",
         ),
-        Check(
+        _check(
             "swap",
             "Swap of axes",
             "difference of the stress along the whole path and the stress, exchanged back, "
@@ -104,7 +111,7 @@ CHECKS: dict[str, Check] = {
             1e-3,
             "as for rotation",
         ),
-        Check(
+        _check(
             "dissipation",
             "Dissipation",
             "net work that the cell gives away over a closed strain cycle, divided by that of "
@@ -112,7 +119,7 @@ CHECKS: dict[str, Check] = {
             1e-6,
             "rounding of single precision over some hundred steps: 1e-8 for elasticity",
         ),
-        Check(
+        _check(
             "compression",
             "Compression",
             "share of a path's steps at which the mean stress is tensile",

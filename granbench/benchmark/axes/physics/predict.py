@@ -1,7 +1,7 @@
 """The physics axis: what a cell answers when it is asked for what no record shows.
 
 `granbench.benchmark.axes.physics.checks` says what each check measures; here its raw responses are
-made, which `scores` (beside this module) turns into violations.
+made, which `axis` (beside this module) turns into violations.
 """
 
 import json
@@ -17,6 +17,7 @@ from granbench.benchmark.axes.physics.checks import (
     CHECKED_STRAIN,
     CHECKS,
     NO_STRESS_OUT_OF_PLANE,
+    PHYSICS_OBSTACLES,
     PRINCIPAL,
     READS_RECORDS,
     STRESS_CHECKS,
@@ -26,7 +27,6 @@ from granbench.benchmark.axes.physics.checks import (
 from granbench.benchmark.axes.physics.energy import cycle_work
 from granbench.benchmark.axes.physics.symmetry import asymmetry, exchanges, turn
 from granbench.benchmark.axes.physics.tangent import tangent_errors, tangent_obstacle
-from granbench.benchmark.predictions import PHYSICS_OBSTACLES
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.cells.robust_runs import (
     Series,

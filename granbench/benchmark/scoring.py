@@ -1,0 +1,91 @@
+"""`score`: every registered axis, from the predictions and the truth alone."""
+
+import xarray as xr
+
+from granbench.benchmark.comparison import align
+from granbench.benchmark.metric import METRIC_VERSION
+from granbench.benchmark.registry import axes
+from granbench.benchmark.scorecard import ALL, Scales, Score, Scorecard, rounded
+from granbench.benchmark.scored_records import ScoredPredictions, ScoredRecords
+from granbench.benchmark.splits import split_order
+from granbench.benchmark.task import Task
+from granbench.data.normalisation import Normalisation
+
+
+def scored_predictions(
+    predictions: xr.Dataset,
+    truth: xr.Dataset,
+    normalisation: Normalisation,
+    task: Task | None = None,
+) -> ScoredPredictions:
+    """Predictions with the records that they are compared with.
+
+    Parameters
+    ----------
+    predictions : see `granbench.benchmark.predictions`
+    truth : the records of exactly the predicted paths
+    normalisation : training standard deviations
+    task : gives the embedded analyses, the ground truth and the axes; None for the records alone,
+        which have no analyses
+
+    Raises
+    ------
+    SubmissionError
+        If the predictions do not fit the records.
+    """
+    return ScoredPredictions(
+        predictions,
+        ScoredRecords.of(align(truth, predictions), task),
+        normalisation,
+        lambda scored: all(axis.is_truth(scored) for axis in axes()),
+    )
+
+
+def score(
+    predictions: xr.Dataset,
+    truth: xr.Dataset,
+    normalisation: Normalisation,
+    task: Task | None = None,
+) -> Scorecard:
+    """Score predictions against the records.
+
+    Parameters
+    ----------
+    predictions : see `granbench.benchmark.predictions`
+    truth : the records of exactly the predicted paths
+    normalisation : training standard deviations
+    task : gives the embedded analyses, the ground truth and the axes; None for the records alone,
+        which have no analyses
+
+    Raises
+    ------
+    SubmissionError
+        If the predictions do not fit the records.
+    """
+    scored = scored_predictions(predictions, truth, normalisation, task)
+    for axis in axes():
+        axis.check(scored)
+    splits = (*split_order(scored.records["split"].values.astype(str)), ALL)
+    std = normalisation.std
+    return Scorecard(
+        metric_version=METRIC_VERSION,
+        normalisation=Scales(
+            stress=dict(zip(scored.task.components, map(rounded, std["stress"]), strict=True)),
+            void_ratio=rounded(std["void_ratio"]) if "void_ratio" in std else None,
+        ),
+        scores=tuple(
+            _of_task(score, task)
+            for split in splits
+            for axis in axes()
+            for score in axis.scores(scored, split)
+        ),
+        curves=tuple(curve for axis in axes() for curve in axis.curves(scored)),
+    )
+
+
+def _of_task(score: Score, task: Task | None) -> Score:
+    """The score, which does not apply if the task leaves its axis out."""
+    if task is None or score.status != "not_run" or score.axis in task.axes:
+        return score
+    reason = f"this task does not have the axis {score.axis}"
+    return score.model_copy(update={"status": "not_applicable", "reason": reason})
