@@ -1,4 +1,4 @@
-"""What `granbench fem` prints of an analysis."""
+"""Output of `granbench fem`: a sentence or JSON about an analysis."""
 
 import json
 import math

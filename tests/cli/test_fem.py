@@ -182,7 +182,7 @@ def test_module_that_raises_is_named_by_its_line_and_the_output_before_it_kept(f
 def test_model_that_is_lost_at_once_leaves_the_start(fem, tmp_path):
     words = ("--cell", "own:nothing", "--out", "a.nc", "--plot", "a.png", "--mesh", "coarse")
     refused(
-        fem("biaxial", *words), "before anything is strained; choose another start",
+        fem("biaxial", *words), "at zero strain",
         "a.nc holds the start only",
     )  # fmt: skip
     with xr.open_dataset("a.nc") as found:
@@ -226,7 +226,7 @@ def test_imbalance_at_the_start_is_said(fem):
     words = ("biaxial", "--cell", "own:pressed", "--out", "a.nc", "--outputs", 2, *COARSE)
     code, out, _ = fem(*words, "--choose", "confinement=1e5")
     assert code == 0
-    assert "note: the analysis starts out of balance: unstrained, pressed gives" in out
+    assert "note: the analysis starts out of balance: at zero strain, pressed" in out
     found = json.loads(fem(*words, "--choose", "confinement=1e5", "--json")[1])
     assert found["initial_imbalance"] == pytest.approx(0.5)
     assert len(found["warnings"]) == 1
@@ -323,7 +323,7 @@ def test_load_path_of_a_file_is_one_load_step_a_row_at_least(fem, tmp_path):
         assert reaction == pytest.approx([0.0, 1.0, 0.5, 1.5])
     refused(fem(*words, "--choose", "cycles=cyclic"), "load_path", "cycles")
     (tmp_path / "path.csv").write_text("time,displacement\n0,0\n2,2e-3\n1,1e-3\n")
-    refused(fem(*words), "path.csv", "not monotone in time: entry 2 is at 1 s after 2 s")
+    refused(fem(*words), "path.csv", "entry 2 is at 1 s after 2 s")
     (tmp_path / "path.csv").write_text("time [s],displacement [m]\n0,0\n1,2\n2,1\n3,3\n")
     refused(fem(*words), "as far as 3 m", "as displacement [mm]")
 
