@@ -6,12 +6,11 @@ from typing import Annotated
 import typer
 
 from granbench.cli.printing import print_json, say
+from granbench.cli.shared_options import Json, Quiet
 from granbench.cli.submission import (
     Board,
     Dataset,
     File,
-    Json,
-    Quiet,
     TaskFile,
     records_to_score,
     rerun_bar,

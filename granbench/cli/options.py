@@ -1,4 +1,4 @@
-"""What the options of several commands have to obey."""
+"""Checks of options that several commands have."""
 
 import os
 import tempfile
