@@ -1,7 +1,8 @@
 # Targets: setup demo test slow fuzz bench lint docs wheels core revalidate revalidate-changed clean.
 # Variables: PYTHON (3.11 or newer), VENV (where it is installed), OUT (where the demo writes),
 # CORE (where `make core` works). OUT and CORE may contain any character except a line break.
-# FUZZ_SECONDS (how long) and FUZZ_SEED (random seed) of `make fuzz`.
+# FUZZ_SECONDS (how long) and FUZZ_SEED (random seed) of `make fuzz`; PROPERTY_SECONDS (how long the
+# property tests are repeated with new examples).
 
 PYTHON ?= python3
 VENV ?= .venv
@@ -54,11 +55,17 @@ test: setup browser
 slow: setup browser
 	$(BIN)/python -m pytest -m slow
 
-# Input files of every kind, changed at random; `make test` does this for a minute.
+# Input files of every kind, changed at random (`make test` does this for a minute), then the
+# property tests with new examples instead of the fixed ones, until PROPERTY_SECONDS have passed.
 FUZZ_SECONDS ?= 3600
 FUZZ_SEED ?= 0
+PROPERTY_SECONDS ?= 600
 fuzz: setup
 	$(BIN)/python tests/fuzz/run.py --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED)
+	@end=$$((SECONDS + $(PROPERTY_SECONDS))); while :; do \
+	    $(BIN)/python -m pytest --numprocesses 2 -m 'hypothesis and not slow' \
+	        --hypothesis-profile fresh; \
+	    [ "$$SECONDS" -lt "$$end" ] || break; done
 
 bench: setup
 	@for script in benchmarks/*.py; do $(BIN)/python $$script; done

@@ -1,10 +1,10 @@
 """`j2-fitted`, `ime-fitted`, `csuh-fitted`: classical models fitted to a dataset (Sec 7.6).
 
-What an engineer would do with the same records: take a classical model and adjust its parameters.
-They are found as `granbench fit` finds those of laboratory tests, by the derivatives of whole
-strain-driven paths, from several starts scattered about a published set; the validation split
-chooses among the minima. That set made some of the datasets: on those the search begins near the
-truth, and that it finds it says less than it seems.
+The baselines adjust the parameters of a classical model to the records, as an engineer would. The
+parameters are found as by `granbench fit`, with derivatives of whole strain-driven paths, from
+several starts scattered about a published set; the validation split chooses among the minima. Some
+datasets were made with the published set: there the search starts near the truth, so that finding
+it shows little.
 """
 
 import platform
@@ -25,7 +25,7 @@ from granbench.cells.baseline import EpochReport, TrainingRequest
 from granbench.cells.contract import MaterialCell
 from granbench.data.adapters import conditions_of, history_of
 from granbench.data.splits import select_split
-from granbench.errors import ConfigurationError, ModelError
+from granbench.errors import ConfigurationError, ModelError, Setting
 from granbench.files.folder_lock import locked_folder
 from granbench.fitting.least_squares import LeastSquares
 from granbench.fitting.observations import strain_batch
@@ -43,7 +43,7 @@ PARAMETERS_FILE = "parameters.json"
 
 @dataclass(frozen=True)
 class FittingRecipe:
-    """How much a fit looks at.
+    """Size of a fit: paths, starts and iterations.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class FittedBaseline:
     name, title : see there
     model : in the catalogue of classical models
     settings : recipe by preset, the default first
-    floor : what every network has to beat, and where it has the form of the truth cannot
+    floor : whether it is a reference line for networks rather than a ranked model
     """
 
     name: str
@@ -88,7 +88,7 @@ class FittedBaseline:
         Raises
         ------
         ModelError
-            If the model cannot start as the records do.
+            If the model cannot start from the first state of the records.
         ConfigurationError
             If the preset is unknown, or the folder holds another model.
         """
@@ -110,19 +110,20 @@ class FittedBaseline:
         cell = find_model(self.model)(order=order)
         space = ParameterSpace.of(searching_cell(cell))
         training, validation = (
-            LeastSquares(space, [drawn_batch(select_split(records, split), recipe.paths, request.seed)])
+            LeastSquares(
+                space, [drawn_batch(select_split(records, split), recipe.paths, request.seed)]
+            )
             for split in ("train", "validation")
         )
+        effort = recipe.effort.limited(request.epochs)
         search = FitSettings(
-            starts=recipe.starts + 1, spread=recipe.spread, seed=request.seed, effort=recipe.effort
+            starts=recipe.starts + 1, spread=recipe.spread, seed=request.seed, effort=effort
         )
-        # The first start is the published set, which made some of the datasets: not that one.
+        # Without the first start, the published set, with which some of the datasets were made.
         vectors = possible_starts(training, search)[1:]
-        progress = _Progress(request, recipe.effort, training.tests, began)
-        vectors = adam(training, vectors, recipe.effort, progress)
-        minimum = levenberg_marquardt(
-            training, vectors, recipe.effort, progress, stop=progress.over
-        )
+        progress = _Reporter(request, effort, training.tests, began)
+        vectors = adam(training, vectors, effort, progress)
+        minimum = levenberg_marquardt(training, vectors, effort, progress, stop=progress.over)
         losses = (validation.residuals(minimum.vectors) ** 2).sum(dim=1) / validation.tests
         best = int(losses.argmin())
         values = {name: float(value) for name, value in space.values(minimum.vectors[best]).items()}
@@ -131,11 +132,11 @@ class FittedBaseline:
                 "paths": recipe.paths,
                 "starts": len(vectors),
                 "spread": recipe.spread,
-                "adam_iterations": recipe.effort.adam_iterations,
-                "iterations": recipe.effort.iterations,
+                "adam_iterations": effort.adam_iterations,
+                "iterations": effort.iterations,
             },
             "epochs": progress.iteration,
-            "best_epoch": recipe.effort.adam_iterations + int(minimum.iterations[best]),
+            "best_epoch": effort.adam_iterations + int(minimum.iterations[best]),
             "best_validation_loss": float(losses[best]),
             "validation_losses": [float(loss) for loss in losses],
             "seconds": round(time.monotonic() - began, 3),
@@ -165,16 +166,17 @@ class FittedBaseline:
         if found.baseline == self.name and about.items() <= found.training.items():
             return True
         raise ConfigurationError(
-            f"{folder} holds a model that was fitted otherwise; choose another --out, or remove "
-            "the folder"
+            f"{folder} holds a model that was fitted with other settings; give another folder "
+            "with ",
+            Setting("out"),
+            ", or remove this one",
         )
 
     def load(self, folder: Path | None, records: xr.Dataset) -> MaterialCell:
         """See `granbench.cells.baseline.Baseline.load`."""
         if folder is None:
             raise ModelError(
-                f"baseline {self.name!r} has to be fitted first: run `granbench train "
-                f"{self.name} --out DIR` and give DIR"
+                f"baseline {self.name!r} must be fitted first; give the folder of a fitted model"
             )
         description, weights = read_model(folder)
         if description.baseline != self.name:
@@ -195,7 +197,7 @@ class FittedBaseline:
 
 
 def drawn_batch(split: xr.Dataset, count: int, seed: int) -> TestBatch:
-    """Some paths of a split, drawn by the seed, as strain-driven tests of a fit."""
+    """Paths of a split, drawn by the seed, as strain-driven tests of a fit."""
     paths = split.sizes["path"]
     drawn = np.random.default_rng(seed).permutation(paths)[:count]
     chosen = split.isel(path=np.sort(drawn))
@@ -209,8 +211,8 @@ def drawn_batch(split: xr.Dataset, count: int, seed: int) -> TestBatch:
     )
 
 
-class _Progress:
-    """Counts iterations, tells the user, and knows when the time is over."""
+class _Reporter:
+    """Counts iterations, reports them, and knows when the time limit is reached."""
 
     def __init__(self, request: TrainingRequest, effort: Effort, paths: int, began: float) -> None:
         self.iteration = 0

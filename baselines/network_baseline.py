@@ -1,17 +1,18 @@
-"""Training and loading of the baselines that are networks, whatever their architecture."""
+"""Training and loading of the baselines that are networks of any architecture."""
 
 import abc
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, Protocol, Self, TypeVar
+from typing import Any, Generic, TypeVar
 
 import torch
 import xarray as xr
 from torch import Tensor, nn
 
 from granbench import __version__
+from granbench.baselines.configuration import NetworkConfiguration
 from granbench.baselines.training import Limits, Recipe, TrainingOutcome, train
 from granbench.baselines.training.batches import BatchSource
 from granbench.baselines.training.model_files import (
@@ -29,22 +30,7 @@ from granbench.errors import ConfigurationError, ModelError
 from granbench.files.folder_lock import locked_folder
 from granbench.records import content_hashes, dataset_hash
 
-
-class Configuration(Protocol):
-    """Settings of an architecture, as a model's file keeps them."""
-
-    @classmethod
-    def of(cls, settings: dict[str, Any]) -> Self:
-        """From the settings in a model file; ModelError for what is unknown or out of range."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Settings by name, for a file."""
-
-    def sizes(self) -> Mapping[str, int]:
-        """Number of layers, as `layers`, and widths by name: what memory depends on."""
-
-
-ConfigurationT = TypeVar("ConfigurationT", bound=Configuration)
+ConfigurationT = TypeVar("ConfigurationT", bound=NetworkConfiguration)
 NetworkT = TypeVar("NetworkT", bound=nn.Module)
 
 
@@ -52,7 +38,7 @@ NetworkT = TypeVar("NetworkT", bound=nn.Module)
 class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
     """An architecture with its training settings; see `granbench.cells.baseline.Baseline`.
 
-    A subclass says what its network is, what it is trained on and which cell it becomes.
+    A subclass defines the network, its training items and its material cell.
 
     Parameters
     ----------
@@ -71,15 +57,15 @@ class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
 
     @abc.abstractmethod
     def check(self, records: xr.Dataset) -> None:
-        """Raise ModelError if the records lack what the network needs."""
+        """Raise ModelError if the records lack a variable that the network needs."""
 
     @abc.abstractmethod
     def fitted_to(self, configuration: ConfigurationT, records: xr.Dataset) -> ConfigurationT:
-        """The configuration for these records; ConfigurationError if they do not go together."""
+        """The configuration for these records; ConfigurationError if it does not fit them."""
 
     @abc.abstractmethod
     def configuration_of(self, settings: dict[str, Any]) -> ConfigurationT:
-        """The configuration in a model's file; see `Configuration.of`."""
+        """The configuration in a model file; see `NetworkConfiguration.of`."""
 
     @abc.abstractmethod
     def network(self, configuration: ConfigurationT) -> NetworkT:
@@ -87,11 +73,11 @@ class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
 
     @abc.abstractmethod
     def scale(self, network: NetworkT, training: xr.Dataset) -> None:
-        """Fit what inputs and outputs are scaled by to the training split."""
+        """Fit the scaling of inputs and outputs to the training split."""
 
     @abc.abstractmethod
     def source(self, network: NetworkT, split: xr.Dataset, device: torch.device) -> BatchSource:
-        """What a split gives the network to learn from, for `TrainableNetwork.loss`."""
+        """The training items of a split, for `TrainableNetwork.loss`."""
 
     @abc.abstractmethod
     def cell(self, network: NetworkT) -> MaterialCell:
@@ -114,8 +100,8 @@ class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
         self.scale(network, training)
         network.to(device)
         if device.type == "cuda":
-            # cuDNN would round to TF32, 10 bits: relative errors of 1e-3 where these networks
-            # reach less.
+            # cuDNN would round to TF32, 10 bits: relative errors of 1e-3, larger than those of
+            # these networks.
             torch.backends.cudnn.allow_tf32 = False
         validation = select_split(records, "validation")
         trained_on = identity_of(records)
@@ -161,8 +147,7 @@ class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
         """See `granbench.cells.baseline.Baseline.load`."""
         if folder is None:
             raise ModelError(
-                f"baseline {self.name!r} has to be trained first: run `granbench train "
-                f"{self.name} --out DIR` and give DIR"
+                f"baseline {self.name!r} must be trained first; give the folder of a trained model"
             )
         self.check(records)
         description, weights = read_model(folder)
@@ -177,7 +162,7 @@ class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
     def _check_size(
         self, configuration: ConfigurationT, weights: Mapping[str, Tensor], folder: Path
     ) -> None:
-        """Compare the declared architecture with the tensors, before anything of it is allocated.
+        """Compare the declared architecture with the tensors before it is allocated.
 
         Raises
         ------
@@ -189,8 +174,8 @@ class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
         for name, size in configuration.sizes().items():
             if size > bounds.get(name, largest):
                 raise ModelError(
-                    f"{folder}: {DESCRIPTION_FILE} has {name} {size}, but no tensor of "
-                    f"{WEIGHTS_FILE} is of such a network; copy both files anew"
+                    f"{folder}: {DESCRIPTION_FILE} has {name} {size}, which no tensor of "
+                    f"{WEIGHTS_FILE} fits; copy both files again"
                 )
         with torch.device("meta"):
             expected = self.network(configuration).state_dict()
@@ -199,7 +184,7 @@ class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
             if len(shapes) < 2 or shapes[0] != shapes[1]:
                 raise ModelError(
                     f"{folder / WEIGHTS_FILE}: does not fit the architecture in "
-                    f"{DESCRIPTION_FILE} (tensor {name!r}); copy both files anew"
+                    f"{DESCRIPTION_FILE} (tensor {name!r}); copy both files again"
                 )
 
 
@@ -213,15 +198,15 @@ def usable_device(name: str) -> torch.device:
     """
     try:
         device = torch.device(name)
-        # A number has to come back: device `meta` computes shapes only.
+        # The value must be readable: device `meta` computes shapes only.
         torch.zeros(1, device=device).item()
     except (RuntimeError, AssertionError, NotImplementedError, ImportError) as error:
-        raise ConfigurationError(f"device {name!r} cannot be used here; try cpu") from error
+        raise ConfigurationError(f"device {name!r} is not available; use 'cpu'") from error
     return device
 
 
 def identity_of(records: xr.Dataset) -> dict[str, Any]:
-    """Name, version and content hash of what a model was trained on."""
+    """Name, version and content hash of the training dataset."""
     content = records.attrs.get("content_sha256") or dataset_hash(content_hashes(records))
     return {
         "dataset": str(records.attrs.get("dataset", "")),

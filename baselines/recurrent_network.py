@@ -1,13 +1,14 @@
 """The network of Table 2.4: an LSTM, with (mLSTM) or without a layer for the initial state."""
 
-from dataclasses import asdict, dataclass, fields
-from typing import Any, Literal
+from typing import Literal, Self
 
 import torch
+from pydantic import StrictBool, model_validator
+from pydantic.dataclasses import dataclass
 from torch import Tensor, nn
 
+from granbench.baselines.configuration import SETTINGS, Count, NetworkConfiguration
 from granbench.baselines.training.batches import Batch
-from granbench.errors import ModelError
 
 INPUTS = slice(0, 7)
 """Grading index, three accumulated strains (Eq 2.2), three strain increments (Fig 2.9)."""
@@ -20,81 +21,44 @@ STATE_COUNT = 4
 START_COUNT = 1 + STATE_COUNT
 """Grading index and state where a window starts."""
 
-OUTPUTS = ("absolute", "change", "increment")
 
-
-@dataclass(frozen=True)
-class RecurrentConfiguration:
+@dataclass(frozen=True, config=SETTINGS)
+class RecurrentConfiguration(NetworkConfiguration):
     """Architecture of an `lstm` or `mlstm`; the defaults are those of Table 2.4.
 
     Parameters
     ----------
-    initial_layer : whether a dense layer makes the first hidden state of the initial state
+    initial_layer : whether a dense layer computes the first hidden state from the initial state
     window : predicted steps of a training window
     hidden : width of the hidden state
     initial_width : width of the dense layer from the initial state
     read_out_width : width of the dense layer from the hidden state
-    output : what the last layer stands for: the state itself (`absolute`, the thesis), its
-        change since the window's start (`change`), or its change in this step (`increment`);
-        the last two need the initial state and so the initial layer
-    restart_every : steps after which a free run makes a new hidden state of its own stress and
-        void ratio, as training windows begin; None to carry the hidden state on
-
-    Raises
-    ------
-    ModelError
-        If a setting is out of range, or settings exclude each other.
+    output : output of the last layer: the state itself (`absolute`, the thesis), its change since
+        the start of the window (`change`), or its change in this step (`increment`); the last two
+        need the initial state and so the initial layer
+    restart_every : steps after which a free run computes a new hidden state from its own stress
+        and void ratio, as at the start of a training window; None to keep the hidden state
     """
 
-    initial_layer: bool
-    window: int = 20
-    hidden: int = 50
-    initial_width: int = 40
-    read_out_width: int = 20
+    initial_layer: StrictBool
+    window: Count = 20
+    hidden: Count = 50
+    initial_width: Count = 40
+    read_out_width: Count = 20
     output: Literal["absolute", "change", "increment"] = "absolute"
-    restart_every: int | None = None
+    restart_every: Count | None = None
 
-    def __post_init__(self) -> None:
-        widths = {
-            name: getattr(self, name)
-            for name in ("window", "hidden", "initial_width", "read_out_width")
-        }
-        if self.restart_every is not None:
-            widths["restart_every"] = self.restart_every
-        for name, width in widths.items():
-            if isinstance(width, bool) or not isinstance(width, int) or width < 1:
-                raise ModelError(f"{name} is {width!r}; it must be an integer of at least 1")
-        if not isinstance(self.initial_layer, bool):
-            raise ModelError(f"initial_layer is {self.initial_layer!r}; it must be true or false")
-        if self.output not in OUTPUTS:
-            raise ModelError(f"unknown output {self.output!r}; use {', '.join(OUTPUTS)}")
+    @model_validator(mode="after")
+    def _check_start(self) -> Self:
         if not self.initial_layer and (self.output != "absolute" or self.restart_every):
-            raise ModelError(
-                "without the initial layer the start is unknown: only output 'absolute' and no "
-                "restart_every are possible"
+            raise ValueError(
+                "initial_layer=False: the start is unknown, so only output='absolute' without "
+                "restart_every is possible"
             )
-
-    @classmethod
-    def of(cls, settings: dict[str, Any]) -> "RecurrentConfiguration":
-        """From the settings in a model file.
-
-        Raises
-        ------
-        ModelError
-            If a setting is unknown, missing or out of range.
-        """
-        if unknown := sorted(set(settings) - {field.name for field in fields(cls)}):
-            raise ModelError(f"unknown setting {unknown[0]!r} of a recurrent model")
-        if "initial_layer" not in settings:
-            raise ModelError("setting 'initial_layer' of a recurrent model is missing")
-        return cls(**settings)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Settings by name, for a file."""
-        return asdict(self)
+        return self
 
     def sizes(self) -> dict[str, int]:
-        """See `granbench.baselines.network_baseline.Configuration.sizes`."""
+        """See `NetworkConfiguration.sizes`."""
         widths = {"hidden": self.hidden, "read_out_width": self.read_out_width}
         return widths | ({"initial_width": self.initial_width} if self.initial_layer else {})
 
@@ -107,7 +71,7 @@ class RecurrentConfiguration:
 class Scaling(nn.Module):
     """Means and standard deviations of a table's columns over the training split.
 
-    They are buffers of the network, so that they travel with its weights.
+    They are buffers of the network, so that they are saved with its weights.
     """
 
     mean: Tensor
@@ -121,14 +85,14 @@ class Scaling(nn.Module):
         self.register_buffer("change_scale", torch.ones(STATE_COUNT))
 
     def set(self, mean: Tensor, scale: Tensor, change: Tensor) -> None:
-        """Set them in place.
+        """Set means and standard deviations in place.
 
         Parameters
         ----------
         mean, scale : (`WIDTH`,), in the columns' units
         change : (`STATE_COUNT`,), typical change of the state, in its units
         """
-        # What never varies, like the I_G of a single grading, is only centred.
+        # A constant column, such as the I_G of a single grading, is only centred.
         scale = torch.where(scale > 0.0, scale, 1.0)
         self.mean.copy_(mean)
         self.scale.copy_(scale)
@@ -162,12 +126,12 @@ class Scaling(nn.Module):
 class RecurrentNetwork(nn.Module):
     """LSTM with a read-out of two layers and, for the mLSTM, a layer for the initial state.
 
-    Everything it takes and gives is standardised by its `scaling`.
+    Inputs and outputs are standardised by its `scaling`.
 
     References
     ----------
     Guan (2023), Sec 2.2.2, Fig 2.9, Table 2.4; Eq 2.16 is the LSTM, Eq 2.20 the initial layer.
-    The cell state starts at zero in both: the thesis gives only the hidden state a start.
+    The cell state starts at zero in both: the thesis gives only the initial hidden state.
     """
 
     def __init__(self, configuration: RecurrentConfiguration) -> None:

@@ -19,7 +19,8 @@ import torch
 from rich.console import Console
 from rich.table import Table
 
-from granbench.baselines.gru import GruCell, GruConfiguration, GruNetwork
+from granbench.baselines.gru import GruConfiguration, GruNetwork
+from granbench.baselines.whole_paths import PathCell
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.fem import ExplicitSettings, ImplicitSettings, PlaneMesh, rectangle, run
 from granbench.fem.gauss_points import GaussPoints
@@ -84,18 +85,18 @@ def time_step(cell: MaterialCell, mesh: PlaneMesh) -> float:
     return choose_time_step(operators, points, ExplicitSettings(modulus=modulus_of(cell))).chosen
 
 
-def gru() -> GruCell:
+def gru() -> PathCell:
     """The `gru` baseline with weights as drawn: an update costs the same as a trained one's."""
     torch.manual_seed(0)
     network = GruNetwork(GruConfiguration())
     network.increment_scale.fill_(1e-3)
     network.stress_scale.fill_(1e3)
-    return GruCell(network.float(), "gru")
+    return PathCell(network.float(), "gru")
 
 
 def modulus_of(cell: MaterialCell) -> float | None:
     """What the time step follows from where the cell's own tangent says nothing."""
-    return 2e7 if isinstance(cell, GruCell) else None
+    return 2e7 if isinstance(cell, PathCell) else None
 
 
 def bare_numpy(mesh: PlaneMesh, steps: int) -> Callable[[], float]:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from page_parts import table
 
 from granbench.cells import MaterialCell
-from granbench.element_test.start import ModelChoice
+from granbench.cells.find import find_cells
 from granbench.fem import Problem, find_problem, run
 from granbench.leaderboard.board import default_folder
 from granbench.models import MODELS
@@ -40,7 +40,7 @@ class Exhibit:
         """The networks by their seeds."""
         folders = (default_folder() / self.task / f"{self.network}.model").iterdir()
         return {
-            folder.name: ModelChoice(str(folder)).cell("plane")
+            folder.name: find_cells(str(folder)).cell
             for folder in sorted(folders, key=lambda folder: int(folder.name))
         }
 

@@ -201,6 +201,35 @@ def plane_components(
     )
 
 
+def cofactor_rows(rows: Array) -> list[Array]:
+    """Derivative of the determinant of a symmetric tensor with respect to each component.
+
+    Parameters
+    ----------
+    rows : (component, ...), in the `principal` or `full` order or as `PLANE_STRAIN_ROWS`
+
+    Returns
+    -------
+    One (...) for each component; that of a shear component is with respect to one of its two
+    entries
+    """
+    if len(rows) == len(COMPONENT_ORDERS["principal"]):
+        x, y, z = rows
+        return [y * z, z * x, x * y]
+    if len(rows) == len(PLANE_STRAIN_ROWS):
+        x, y, xy, z = rows
+        return [y * z, x * z, -xy * z, x * y - xy * xy]
+    x, y, z, yz, xz, xy = rows
+    return [
+        y * z - yz * yz,
+        x * z - xz * xz,
+        x * y - xy * xy,
+        xz * xy - x * yz,
+        yz * xy - y * xz,
+        yz * xz - z * xy,
+    ]
+
+
 def full_components(plane: Array, out_of_plane: Array) -> np.ndarray:
     """Components of a tensor in the `full` order from those in the plane and zz.
 

@@ -1,6 +1,5 @@
 """Charts of the pages: what an axis shows of its curves, as inline SVG."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -8,8 +7,9 @@ from markupsafe import Markup
 
 from granbench.benchmark.presentation import Chart
 from granbench.benchmark.scorecard import Curve
-from granbench.leaderboard.chart import Line, horizon_chart, not_zero, share_chart
-from granbench.plotting.style import LINE_STYLES, ModelStyle, model_styles
+from granbench.leaderboard.chart import horizon_chart, not_zero, share_chart
+from granbench.plotting.error_curves import ErrorLine
+from granbench.plotting.style import ModelStyle, model_styles
 
 
 @dataclass(frozen=True)
@@ -47,18 +47,6 @@ def drawn_chart(chart: Chart, names: Sequence[str]) -> DrawnChart:
     return DrawnChart(chart.title, svg, f"{chart.zero}: {', '.join(zero)}." if zero else "")
 
 
-def line_of(name: str, style: ModelStyle, curve: Curve) -> Line:
-    """A model's curve in its colour and dashes."""
-    dash = DASHES[LINE_STYLES.index(style.linestyle)]
-    return Line(name, style.colour, dash, curve.horizon, curve.value, curve.low, curve.high)
-
-
-def _svg_dash(style: object) -> str:
-    named = {"-": "", "--": "6 3", "-.": "7 3 1.5 3"}
-    if isinstance(style, str):
-        return named[style]
-    pattern = re.findall(r"\d+", str(style))[1:]
-    return " ".join(str(2 * int(length)) for length in pattern)
-
-
-DASHES = tuple(_svg_dash(style) for style in LINE_STYLES)
+def line_of(name: str, style: ModelStyle, curve: Curve) -> ErrorLine:
+    """A model's curve in its colour and line style."""
+    return ErrorLine(name, style, curve.horizon, curve.value, curve.low, curve.high)

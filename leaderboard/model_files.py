@@ -8,12 +8,11 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from importlib.metadata import entry_points
 from pathlib import Path
 
 import xarray as xr
 
-from granbench.cells.baseline import DESCRIPTION_FILE, ENTRY_POINTS
+from granbench.cells.baseline import BASELINES, DESCRIPTION_FILE
 from granbench.cells.find import FoundModel, cells_of_baseline, find_cells
 from granbench.errors import GranbenchError, SubmissionError
 from granbench.leaderboard.submission import ModelFile, ModelReference, file_digest
@@ -24,7 +23,6 @@ from granbench.models.parameter_file import write_parameters
 PARAMETERS = "parameters.json"
 TRAINED_FILES = (DESCRIPTION_FILE, "model.safetensors", PARAMETERS)
 """What a trained baseline may consist of; its other files are of the training."""
-DISTRIBUTION = "granbench"
 
 
 def require_data_only(candidate: FoundModel) -> None:
@@ -45,8 +43,9 @@ def _classical(candidate: FoundModel) -> ClassicalCell:
     """The one classical model of all seeds; SubmissionError if it is anything else."""
     cell = candidate.cell
     one_for_all = all(other is cell for other in candidate.cells.values())
-    # The class itself: one derived from it would be a stranger's code.
-    if isinstance(cell, ClassicalCell) and type(cell) in MODELS.values() and one_for_all:
+    # The registered class itself: a class derived from it, or a plug-in's, is other code.
+    own = MODELS.own(cell.name) and type(cell) is MODELS[cell.name]
+    if isinstance(cell, ClassicalCell) and own and one_for_all:
         return cell
     raise SubmissionError(
         f"{candidate.name} cannot be run again from data alone: it is neither a baseline of "
@@ -90,13 +89,11 @@ def export(candidate: FoundModel, folder: Path, name: str) -> ModelReference:
 
 
 def _require_own(baseline: str) -> None:
-    for point in entry_points(group=ENTRY_POINTS, name=baseline):
-        if point.dist is not None and point.dist.name.lower() == DISTRIBUTION:
-            return
-    raise SubmissionError(
-        f"{baseline!r} is no baseline of GranBench itself, and no other code is run; keep its "
-        "predictions"
-    )
+    if not BASELINES.own(baseline):
+        raise SubmissionError(
+            f"{baseline!r} is no baseline of GranBench itself, and no other code is run; keep its "
+            "predictions"
+        )
 
 
 def _copied(source: Path, target: Path) -> Path:

@@ -1,4 +1,4 @@
-"""Models that break one rule of material cells each, as users' own do, and what it is."""
+"""Models that each break one rule of material cells, as models of users do, and which rule."""
 
 import os
 import random
@@ -16,7 +16,7 @@ DRAWS = np.random.default_rng(0)
 
 
 class Module(torch.nn.Module):
-    """Linear elasticity without Poisson's effect; what follows it breaks a rule."""
+    """Linear elasticity without Poisson's effect; the modules below it break a rule."""
 
     def forward(self, dstrain: Tensor, stress: Tensor) -> Tensor:
         return stress + STIFFNESS * dstrain
@@ -77,13 +77,13 @@ class NormalisesInTraining(Module):
         return stress + STIFFNESS * self.norm(dstrain)
 
 
-class AsksForItsMode(Module):
+class DependsOnItsMode(Module):
     def forward(self, dstrain, stress):
         return stress + STIFFNESS * dstrain * (1.5 if self.training else 1.0)
 
 
 class ComputesItsGradient(Module):
-    """A potential whose derivative is the stress, as hyperelastic networks have it."""
+    """A potential whose derivative is the stress, as in hyperelastic networks."""
 
     def forward(self, dstrain, stress):
         with torch.enable_grad():
@@ -101,9 +101,9 @@ class UsesInferenceMode(Module):
 
 HARMLESS = [
     Module, AddsInPlace, ScalesStrainInPlace, WritesThroughNumpy, ReturnsItsBuffer, ReturnsAView,
-    DropsOut, NormalisesInTraining, AsksForItsMode, ComputesItsGradient, UsesInferenceMode,
+    DropsOut, NormalisesInTraining, DependsOnItsMode, ComputesItsGradient, UsesInferenceMode,
 ]  # fmt: skip
-"""What is put right: all of them score as `Module` does."""
+"""Modules that are corrected: all of them score as `Module` does."""
 
 
 class RemembersStrain(Module):
@@ -137,7 +137,7 @@ class CountsInABuffer(Module):
 
 
 class KeepsHidden(Module):
-    """A recurrent network that keeps its hidden state to itself."""
+    """A recurrent network that keeps its hidden state in the module."""
 
     def __init__(self):
         super().__init__()
@@ -170,7 +170,7 @@ MEMORIES = {
     CountsCalls: "module.calls",
     CountsInABuffer: "module.count",
     KeepsHidden: "module.hidden",
-    RemembersGlobally: "COUNTS.calls",
+    RemembersGlobally: "module.COUNTS.calls",
     RemembersInItsClass: "module.seen",
 }
 """Modules with a memory outside of the state, and where it is."""
@@ -283,7 +283,7 @@ class HardensItself(Module):
 
 
 class KeepsTheLargest(Module):
-    """The largest stress of all calls and points is one number, of no batch size."""
+    """The largest stress of all calls and points is one number, whatever the size of the batch."""
 
     def __init__(self):
         super().__init__()
@@ -340,7 +340,7 @@ LATE_RANDOM = [DrawsAtYield, DrawsForSomePoints, DrawsOnLargeSteps]
 
 
 def softening(dstrain, stress, substeps):
-    """Explicit substeps of a stiffness that falls with stress: their number is seen."""
+    """Explicit substeps of a stiffness that falls with stress, so that their number matters."""
     for _ in range(substeps):
         stiffness = STIFFNESS / (1.0 + stress.abs().amax(dim=1, keepdim=True) / 3e5)
         stress = stress + stiffness * dstrain / substeps
@@ -358,7 +358,7 @@ class SubstepsOfTheLargestStress(Module):
 
 
 class SharesItsYield(Module):
-    """One point beyond yield softens all others; the count of calls has no effect."""
+    """One point beyond yield softens all others; the number of calls has no effect."""
 
     calls = 0
 
@@ -383,11 +383,11 @@ class DependsOnTheClock(Module):
 
 
 UNSEEN = [DrawsFromTheSystem, DependsOnTheClock]
-"""Modules whose answers change, though nothing that they hold does."""
+"""Modules whose results change, although nothing that they hold does."""
 
 
 class BuildsAtYield(Module):
-    """A cache that is built at the first use, and changes no answer."""
+    """A cache that is built at the first use and changes no result."""
 
     def __init__(self):
         super().__init__()
@@ -463,7 +463,7 @@ def cell(module: type[Module], order: str = "principal", dtype=torch.float64) ->
 
 
 class Plain(MaterialCell):
-    """A cell without a module; what follows it breaks a rule."""
+    """A cell without a module; the cells below it break a rule."""
 
     name = "plain"
     layout = StateLayout.of(stress=3)
@@ -511,7 +511,7 @@ class PlainRandomStart(Plain):
 
 
 class PlainResetByStart(Plain):
-    """Counts the steps since a start was asked for: whole paths are the same, restarts are not."""
+    """Counts the steps since its last start: whole paths are the same, restarts are not."""
 
     def initial_state(self, conditions):
         self.steps = 0
@@ -582,4 +582,4 @@ REFUSED = {
     PlainUnknownOrder: "'voigt'",
     PlainLostInternal: "'void_ratio' of its `internals`",
 }
-"""Cells of a user's own class, and what the error names."""
+"""Cells of a user's own class, and what the error about each names."""

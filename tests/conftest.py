@@ -14,14 +14,18 @@ from synthetic_records import synthetic_records
 
 from granbench.records import write_records
 
+settings.register_profile("fixed", derandomize=True, deadline=None)
+settings.register_profile("fresh", max_examples=500, deadline=None, print_blob=True)
 
-def pytest_configure() -> None:
-    """Fix the seed of what is drawn, and heed Ctrl-C, which tests send.
 
-    A shell that runs the suite in the background ignores Ctrl-C.
+def pytest_configure(config: pytest.Config) -> None:
+    """Draw the same examples in every run, and react to Ctrl-C, which tests send.
+
+    `make fuzz` draws fresh examples with ``--hypothesis-profile fresh``. A shell that runs the
+    suite in the background ignores Ctrl-C.
     """
-    settings.register_profile("fixed", derandomize=True, deadline=None)
-    settings.load_profile("fixed")
+    if config.getoption("--hypothesis-profile") is None:
+        settings.load_profile("fixed")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 

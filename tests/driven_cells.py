@@ -1,4 +1,4 @@
-"""Cells for element tests: elasticity in any order, a network stand-in, cells that give up."""
+"""Cells for element tests: elasticity in any order, a small network, a cell with a limit."""
 
 import torch
 from torch import Tensor
@@ -33,7 +33,10 @@ def elastic(order: str = "principal", dtype: torch.dtype = torch.float64) -> Mod
 
 
 class Learnt(Elastic):
-    """A network beside an elastic part, with a memory: not isotropic, not step-size consistent."""
+    """A network with a hidden state beside an elastic part.
+
+    It is neither isotropic nor independent of the size of the increments.
+    """
 
     def __init__(self, order: str) -> None:
         super().__init__(order)
@@ -56,10 +59,10 @@ def learnt(order: str = "principal", dtype: torch.dtype = torch.float32) -> Modu
     return ModuleCell(Learnt(order), name="learnt", order=order, layout=layout, dtype=dtype)
 
 
-class Timid(MaterialCell):
-    """Elastic, but gives up where an increment, or the axial strain, is larger than it takes."""
+class Limited(MaterialCell):
+    """Elastic, but it fails where an increment, or the axial strain, is beyond a limit."""
 
-    name = "timid"
+    name = "limited"
     layout = StateLayout.of(stress=3, axial=1)
     internals = ("axial",)
 
@@ -79,7 +82,7 @@ class Timid(MaterialCell):
         axial = state[:, 3] + dstrain[:, 0]
         lost = (dstrain.abs().amax(dim=1) > self.largest_increment) | (axial > self.largest_strain)
         if self.raises and lost.any():
-            raise ArithmeticError("gave up")
+            raise ArithmeticError("beyond the limit")
         stress = state[:, :3] + dstrain @ elastic_stiffness("principal")
         stress = stress.masked_fill(lost[:, None], torch.nan)
         return stress, self.layout.pack(stress=stress, axial=axial)

@@ -1,4 +1,4 @@
-"""Linear elasticity in the plane, and cells that differ from it by one law that they break."""
+"""Linear elasticity in the plane, and cells that differ from it by the one law that they break."""
 
 import torch
 from torch import Tensor
@@ -31,7 +31,7 @@ class StiffAlongY(torch.nn.Module):
 
 
 class Generous(torch.nn.Module):
-    """Gives more work back in dilation than it took in compression."""
+    """Returns more work in dilation than it took in compression."""
 
     def forward(self, dstrain: Tensor, stress: Tensor) -> Tensor:
         compressed = (dstrain[:, :2].sum(dim=1, keepdim=True) > 0.0).to(stress.dtype)
@@ -39,7 +39,7 @@ class Generous(torch.nn.Module):
 
 
 class Restless(torch.nn.Module):
-    """Lets go of a hundredth of its stress where nothing happens to it."""
+    """Loses a hundredth of its stress in every zero increment."""
 
     def forward(self, dstrain: Tensor, stress: Tensor) -> Tensor:
         still = (dstrain == 0.0).all(dim=1, keepdim=True).to(stress.dtype)
@@ -47,7 +47,7 @@ class Restless(torch.nn.Module):
 
 
 class Relaxing(torch.nn.Module):
-    """Lets go of a hundredth of its stress with every call, as a network does that counts steps."""
+    """Loses a hundredth of its stress with every call, as a network does that counts steps."""
 
     def forward(self, dstrain: Tensor, stress: Tensor) -> Tensor:
         return 0.99 * stress + elastic(dstrain)
@@ -57,8 +57,8 @@ class Coarse(torch.nn.Module):
     """Stiffer under large increments than under small ones."""
 
     def forward(self, dstrain: Tensor, stress: Tensor) -> Tensor:
-        often = torch.tensor([1.0, 1.0, 2.0], dtype=stress.dtype)
-        size = (often * dstrain**2).sum(dim=1, keepdim=True).clamp(min=1e-30).sqrt()
+        multiplicity = torch.tensor([1.0, 1.0, 2.0], dtype=stress.dtype)
+        size = (multiplicity * dstrain**2).sum(dim=1, keepdim=True).clamp(min=1e-30).sqrt()
         return stress + (1.0 + size / 1e-2) * elastic(dstrain)
 
 
@@ -95,10 +95,10 @@ class Numeric(MaterialCell):
 
 
 class Mortal(Numeric):
-    """Breaks down at its hundredth of strain, by NaN or by raising; before, it is elastic."""
+    """Fails at 1 % of accumulated strain, by NaN or by raising; before that it is elastic."""
 
     name = "mortal"
-    layout = StateLayout.of(stress=3, walked=1)
+    layout = StateLayout.of(stress=3, accumulated=1)
 
     def __init__(self, raises: bool) -> None:
         self.raises = raises
@@ -107,9 +107,9 @@ class Mortal(Numeric):
         return torch.nn.functional.pad(conditions.stress.to(self.dtype), (0, 1))
 
     def step(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
-        walked = state[:, 3:] + dstrain.abs().sum(dim=1, keepdim=True)
-        broken = walked > 1e-2
+        accumulated = state[:, 3:] + dstrain.abs().sum(dim=1, keepdim=True)
+        broken = accumulated > 1e-2
         if self.raises and broken.any():
             raise FloatingPointError("the return mapping did not converge")
         stress = (state[:, :3] + elastic(dstrain)).masked_fill(broken, torch.nan)
-        return stress, torch.cat([stress, walked], dim=1)
+        return stress, torch.cat([stress, accumulated], dim=1)

@@ -1,4 +1,4 @@
-"""Cells that are just large enough to test what is done with cells."""
+"""Small cells for tests of what is done with any cell."""
 
 import torch
 import xarray as xr
@@ -36,7 +36,7 @@ def secant(name: str = "secant") -> ModuleCell:
 
 
 class Fragile(Persistence):
-    """Breaks down where the axial strain since the start passes a limit: by NaN or by raising."""
+    """Fails where the axial strain since the start passes a limit: by NaN or by raising."""
 
     layout = StateLayout.of(stress=3, axial=1)
 
@@ -59,9 +59,10 @@ class Fragile(Persistence):
 
 
 class Oracle(MaterialCell):
-    """Looks its answers up: finds itself in the records at the start and counts steps.
+    """Looks its stresses up: finds its start in the records and then counts steps.
 
-    Every recorded state differs in what a start tells: stress, void ratio, accumulated strain.
+    Every recorded state differs in what is known at a start: stress, void ratio and accumulated
+    strain.
     """
 
     name = "oracle"
@@ -79,9 +80,9 @@ class Oracle(MaterialCell):
 
     def initial_state(self, conditions: Conditions) -> Tensor:
         void_ratio = conditions.require("initial_void_ratio").unsqueeze(-1)
-        asked = torch.cat([conditions.stress / 1e6, void_ratio, conditions.past_strain()], dim=-1)
+        start = torch.cat([conditions.stress / 1e6, void_ratio, conditions.past_strain()], dim=-1)
         steps = self.known.shape[1]
-        distance = torch.cdist(asked, self.known.flatten(0, 1))
+        distance = torch.cdist(start, self.known.flatten(0, 1))
         found = distance.argmin(dim=1)
         return self._state(found // steps, found % steps)
 

@@ -129,13 +129,21 @@ def test_the_data_wheel_holds_every_reference_dataset(tmp_path: Path) -> None:
     assert registered == files
 
 
-def test_every_baseline_that_is_registered_can_be_loaded() -> None:
-    names = set(PROJECT["project"]["entry-points"]["granbench.baselines"])
-    points = entry_points(group="granbench.baselines")
+@pytest.mark.parametrize("group", ["granbench.baselines", "granbench.models"])
+def test_everything_that_is_registered_can_be_loaded_under_its_own_name(group: str) -> None:
+    names = set(PROJECT["project"]["entry-points"][group])
+    points = entry_points(group=group)
     assert names <= {point.name for point in points}
     for point in points:
         if point.name in names:
             assert point.load().name == point.name
+
+
+def test_every_generator_that_is_registered_can_be_loaded() -> None:
+    names = set(PROJECT["project"]["entry-points"]["granbench.generators"])
+    points = entry_points(group="granbench.generators")
+    assert names <= {point.name for point in points}
+    assert all(point.load().datasets for point in points if point.name in names)
 
 
 def test_lower_bounds_are_those_of_the_project() -> None:
@@ -170,7 +178,7 @@ def test_no_two_test_files_share_a_name() -> None:
 
 
 LAYERS = (
-    ("errors", "tensors"),
+    ("errors", "tensors", "registration"),
     ("files", "units", "records.turning_points"),
     ("cells", "cell"),
     ("records",),
@@ -180,10 +188,11 @@ LAYERS = (
     ("cells.find",),
     ("element_test",),
     ("fem", "plotting.fem", "plotting.problem"),
+    ("generators",),
     ("benchmark", "plotting.predictions"),
     ("laboratory",),
     ("fitting",),
-    ("generators", "baselines", "leaderboard"),
+    ("baselines", "leaderboard"),
     ("cli",),
 )
 """A module imports from its own layer and from those before it. Figures need nothing but arrays;

@@ -1,4 +1,4 @@
-"""Where training items come from: tensors on the device, or a dataset read as it is needed."""
+"""Sources of training items: tensors on the device, or a dataset that is read in parts."""
 
 import abc
 from collections.abc import Callable, Iterator
@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
 Batch = tuple[Tensor, ...]
-"""Tensors whose first dimension is the item, in the order that the network's loss wants."""
+"""Tensors whose first dimension is the item, in the order that the loss of the network expects."""
 
 
 class BatchSource(abc.ABC):
@@ -60,16 +60,16 @@ class ResidentBatches(BatchSource):
 class StreamedBatches(BatchSource):
     """Items read from a torch dataset batch by batch, for data larger than memory.
 
-    Items that lie together in the file are drawn together: the order is random among groups
-    of records and among the items of a group, but a record is read once an epoch.
+    Items that are stored together are drawn together: the order is random among groups of records
+    and among the items of a group, but every record is read once per epoch.
 
     Parameters
     ----------
     dataset : sized torch dataset, the items of one record next to each other
     collate : makes a batch of a list of its items
     device : where batches are moved to
-    items_per_record : items that are read at one time
-    records_together : records whose items are mixed; what the dataset can keep in memory
+    items_per_record : items that are read together
+    records_together : records whose items are mixed, as many as the dataset keeps in memory
     """
 
     def __init__(

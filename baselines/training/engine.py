@@ -1,9 +1,9 @@
-"""The training engine: any network with a loss, any source of batches, one loop.
+"""The training engine: one loop for any network with a loss and any source of batches.
 
-A run lives in a folder and continues from there when it is started again. The order of the
-items in epoch k is a function of (seed, k) alone and everything else that moves is saved, so a
-run that was killed and continued ends with the very bits of one that was not (on the CPU, with
-the same versions, machine type and number of threads).
+A run is kept in a folder and continues from there when it is started again. The order of the items
+in epoch k is a function of (seed, k) alone and everything else that changes is saved, so a run that
+was interrupted and continued ends bit for bit like one that was not (on the CPU, with the same
+versions, machine type and number of threads).
 """
 
 import math
@@ -21,7 +21,7 @@ from granbench.baselines.training.batches import Batch, BatchSource
 from granbench.baselines.training.history import read_history, write_history
 from granbench.baselines.training.progress import (
     TRAINING_FILE,
-    Progress,
+    TrainingProgress,
     restore_progress,
     save_progress,
 )
@@ -31,7 +31,7 @@ from granbench.cells.baseline import EpochReport
 from granbench.errors import ModelError
 
 SAVE_EVERY_SECONDS = 5.0
-"""What a killed run loses at most, beside the epoch in flight."""
+"""Interval between saves: a killed run loses at most this and the current epoch."""
 
 VALIDATION_BATCH = 4096
 
@@ -54,7 +54,7 @@ class TrainingOutcome:
     best_weights : state of the network at its best epoch, on the CPU
     """
 
-    progress: Progress
+    progress: TrainingProgress
     reason: str
     best_weights: Mapping[str, Tensor]
 
@@ -71,17 +71,17 @@ def train(
     fingerprint: Mapping[str, Any],
     on_epoch: Callable[[EpochReport], None] | None = None,
 ) -> TrainingOutcome:
-    """Train until the validation loss stops falling or a limit is met; continue if begun.
+    """Train until the validation loss stops falling or a limit is reached; continue a begun run.
 
     Parameters
     ----------
-    network : a `TrainableNetwork`, on the device of the batches; its weights move
+    network : a `TrainableNetwork`, on the device of the batches; its weights change
     training, validation : items of the two splits
     recipe : optimiser settings
     limits : epochs and seconds after which to stop
     seed : of the order of the items
-    folder : where the run lives
-    fingerprint : what the run is, as JSON can hold it: see `save_progress`
+    folder : of the run
+    fingerprint : identity of the run, as data for JSON: see `save_progress`
     on_epoch : called after every epoch
 
     Raises
@@ -129,7 +129,7 @@ class _Run:
             eps=ADAM_EPSILON,
             fused=True,
         )
-        self.progress = Progress()
+        self.progress = TrainingProgress()
         self.history: list[EpochReport] = []
         self.best = _copy(network)
         try:
@@ -144,7 +144,7 @@ class _Run:
         self.last_save = time.monotonic()
 
     def end(self) -> str | None:
-        """Why the run is over, if it is."""
+        """Why the run is over; None if it is not."""
         progress = self.progress
         if progress.epoch - progress.best_epoch >= self.recipe.patience:
             return "patience"
@@ -197,7 +197,7 @@ class _Run:
             if self.recipe.largest_gradient is not None:
                 nn.utils.clip_grad_norm_(self.network.parameters(), self.recipe.largest_gradient)
             self.optimiser.step()
-            # Summed where it lies: reading it out would make a GPU wait every step.
+            # Summed on the device: reading the value would make a GPU wait in every step.
             total = total.to(loss.device) + loss.detach() * len(batch[0])
         return total.item() / len(order)
 
@@ -212,7 +212,7 @@ class _Run:
         return total.item() / len(order)
 
     def save(self) -> None:
-        """Write the run to its folder; the table first, for the counters tell how much counts."""
+        """Write the run; the table first, because the counters say how much of it is valid."""
         try:
             write_history(self.folder, self.history)
         except OSError as error:

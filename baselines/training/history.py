@@ -27,7 +27,7 @@ def write_history(folder: Path, reports: list[EpochReport]) -> None:
 
 
 def read_history(folder: Path, until_epoch: int | None = None) -> list[EpochReport]:
-    """The reports of epochs 1 to `until_epoch`, or all; a killed session may have left more.
+    """The reports of epochs 1 to `until_epoch`, or all; a killed session may have written more.
 
     Raises
     ------

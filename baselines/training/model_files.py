@@ -7,20 +7,22 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import ConfigDict, StrictInt, StrictStr, TypeAdapter, ValidationError
 from torch import Tensor, nn
 
 from granbench.baselines.training.tensor_files import read_tensors, write_tensors
+from granbench.cells.baseline import DESCRIPTION_FILE
 from granbench.errors import ModelError
 from granbench.files.json_reading import read_json_object, shortened
+from granbench.files.validation import first_fault
 from granbench.files.whole_file import whole_file
 
 WEIGHTS_FILE = "model.safetensors"
-DESCRIPTION_FILE = "model.json"
 
 
 @dataclass(frozen=True)
 class ModelDescription:
-    """What `model.json` says.
+    """The content of `model.json`.
 
     Parameters
     ----------
@@ -31,11 +33,13 @@ class ModelDescription:
     weights_sha256 : of the bytes of `model.safetensors`
     """
 
-    baseline: str
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    baseline: StrictStr
     configuration: dict[str, Any]
-    parameters: int
+    parameters: StrictInt
     training: dict[str, Any]
-    weights_sha256: str = ""
+    weights_sha256: StrictStr = ""
 
 
 def write_model(folder: Path, weights: Mapping[str, Tensor], description: ModelDescription) -> Path:
@@ -58,7 +62,7 @@ def write_model(folder: Path, weights: Mapping[str, Tensor], description: ModelD
 
 
 def read_description(folder: Path) -> ModelDescription:
-    """What `model.json` of a trained model's folder says; its weights are not read.
+    """The content of `model.json` in the folder of a trained model; the weights are not read.
 
     Raises
     ------
@@ -67,29 +71,16 @@ def read_description(folder: Path) -> ModelDescription:
     """
     path = folder / DESCRIPTION_FILE
     if folder.is_dir() and not path.exists():
-        raise ModelError(
-            f"{folder}: has no {DESCRIPTION_FILE}, so it holds no trained model; give the folder "
-            "that `granbench train` wrote"
-        )
+        raise ModelError(f"{folder}: has no {DESCRIPTION_FILE}; give the folder of a trained model")
     content = read_json_object(path, ModelError, remedy=_REMEDY)
-    for name in content:
-        if name not in _TYPES:
-            raise ModelError(f"{path}: is damaged (unknown key {shortened(name)}); {_REMEDY}")
-    for name, kind in _TYPES.items():
-        if not isinstance(content.get(name), kind) or isinstance(content[name], bool):
-            wanted = {dict: "an object", int: "an integer", str: "text"}[kind]
-            raise ModelError(f"{path}: is damaged ({name!r} must be {wanted}); {_REMEDY}")
-    return ModelDescription(**content)
+    try:
+        return _DESCRIPTION.validate_python(content)
+    except ValidationError as error:
+        raise ModelError(f"{path}: is damaged ({first_fault(error)}); {_REMEDY}") from error
 
 
-_TYPES: dict[str, type] = {
-    "baseline": str,
-    "configuration": dict,
-    "parameters": int,
-    "training": dict,
-    "weights_sha256": str,
-}
-_REMEDY = "train the model again or copy the file anew"
+_DESCRIPTION = TypeAdapter(ModelDescription)
+_REMEDY = "train the model again or copy the file again"
 
 
 def read_model(folder: Path) -> tuple[ModelDescription, dict[str, Tensor]]:
@@ -104,8 +95,8 @@ def read_model(folder: Path) -> tuple[ModelDescription, dict[str, Tensor]]:
     weights, _ = read_tensors(folder / WEIGHTS_FILE)
     if _digest(folder / WEIGHTS_FILE) != description.weights_sha256:
         raise ModelError(
-            f"{folder / WEIGHTS_FILE}: its bytes are not those that {DESCRIPTION_FILE} records; "
-            "run the same `granbench train` again or copy both files anew"
+            f"{folder / WEIGHTS_FILE}: its SHA-256 differs from that in {DESCRIPTION_FILE}; train "
+            "the model again or copy both files again"
         )
     return description, weights
 
@@ -130,7 +121,7 @@ def load_weights(module: nn.Module, weights: Mapping[str, Tensor], source: Path)
         first = str(error).strip().splitlines()[-1].strip()
         raise ModelError(
             f"{source / WEIGHTS_FILE}: does not fit the architecture in {DESCRIPTION_FILE} "
-            f"({first}); copy both files anew"
+            f"({first}); copy both files again"
         ) from error
 
 

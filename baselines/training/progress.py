@@ -1,4 +1,4 @@
-"""The state of a run between epochs, and its file: what a killed run continues from."""
+"""The state of a training run between epochs, and the file from which a run continues."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -9,14 +9,14 @@ import torch
 from torch import Tensor, nn
 
 from granbench.baselines.training.tensor_files import digest_of, read_tensors, write_tensors
-from granbench.errors import ConfigurationError, ModelError
+from granbench.errors import ConfigurationError, ModelError, Setting
 
 TRAINING_FILE = "training.safetensors"
 
 
 @dataclass
-class Progress:
-    """How far a run is.
+class TrainingProgress:
+    """Counters of a training run.
 
     Parameters
     ----------
@@ -37,15 +37,15 @@ def save_progress(
     network: nn.Module,
     best: Mapping[str, Tensor],
     optimiser: torch.optim.Adam,
-    progress: Progress,
+    progress: TrainingProgress,
     fingerprint: Mapping[str, Any],
 ) -> None:
     """Write weights, best weights, moments of Adam and counters as one file, atomically.
 
     Parameters
     ----------
-    fingerprint : what the run is (data, seed, architecture, recipe), as JSON can hold it; a
-        run with another one refuses to continue from the file
+    fingerprint : identity of the run (data, seed, architecture, recipe), as data for JSON; a run
+        with another fingerprint does not continue from the file
 
     Raises
     ------
@@ -67,8 +67,8 @@ def restore_progress(
     network: nn.Module,
     optimiser: torch.optim.Adam,
     fingerprint: Mapping[str, Any],
-) -> tuple[Progress, dict[str, Tensor]]:
-    """Put a saved run back into network and optimiser.
+) -> tuple[TrainingProgress, dict[str, Tensor]]:
+    """Restore a saved run into network and optimiser.
 
     Returns
     -------
@@ -85,16 +85,16 @@ def restore_progress(
     tensors, description = read_tensors(path)
     try:
         sealed = description.pop("sha256")
-        recorded, progress = description["fingerprint"], Progress(**description["progress"])
+        recorded, progress = description["fingerprint"], TrainingProgress(**description["progress"])
     except (AttributeError, KeyError, TypeError) as error:
         raise ModelError(
-            f"{path}: holds no training run of this version; remove the file and train again from "
-            "the start"
+            f"{path}: does not hold a training run of this version; remove the file and train "
+            "again from the start"
         ) from error
     if sealed != digest_of(tensors, description):
         raise ModelError(
-            f"{path}: is damaged, its content is not what its SHA-256 says; remove the file and "
-            "train again from the start, or copy it anew from a backup"
+            f"{path}: is damaged, its content does not match its SHA-256; remove the file and "
+            "train again from the start, or restore it from a backup"
         )
     if differing := sorted(
         name
@@ -102,8 +102,9 @@ def restore_progress(
         if recorded.get(name) != fingerprint.get(name)
     ):
         raise ConfigurationError(
-            f"{folder} holds a run with another {', '.join(differing)}; choose another --out, or "
-            "remove the folder"
+            f"{folder} holds a run with another {', '.join(differing)}; give another folder with ",
+            Setting("out"),
+            ", or remove this one",
         )
     parts: dict[str, dict[str, Tensor]] = {"network": {}, "best": {}, "adam": {}}
     for name, tensor in tensors.items():

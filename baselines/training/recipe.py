@@ -1,4 +1,4 @@
-"""How a network is trained: optimiser settings, learning-rate schedule, when to stop."""
+"""Training settings: optimiser, learning-rate schedule and stopping."""
 
 import math
 from dataclasses import asdict, dataclass
@@ -23,12 +23,12 @@ class Recipe:
 
     Parameters
     ----------
-    batch_size : items a step of the optimiser
+    batch_size : items per step of the optimiser
     learning_rate : of Adam, where the schedule begins
     schedule : `constant`; `cosine`, from `learning_rate` to `final_rate` over the run; or
         `one-cycle`, which rises to `learning_rate` first (Smith & Topin 2019) and falls as cosine
     final_rate : learning rate where a cosine or one-cycle schedule ends
-    largest_gradient : norm to which longer gradients are cut; None to leave them
+    largest_gradient : norm to which larger gradients are clipped; None for no clipping
     epochs : passes over the training items, at most
     patience : epochs without a lower validation loss after which the run ends
 
@@ -63,7 +63,7 @@ class Recipe:
             )
 
     def rate(self, progress: float) -> float:
-        """Learning rate when a share `progress` in [0, 1] of the run is over."""
+        """Learning rate at the completed share `progress` in [0, 1] of the run."""
         if self.schedule == "constant":
             return self.learning_rate
         if self.schedule == "cosine":
@@ -86,7 +86,7 @@ def _eased(begin: float, end: float, share: float) -> float:
 
 @dataclass(frozen=True)
 class Limits:
-    """Where this call of the engine stops, beside the recipe's own patience.
+    """Limits of one call of the engine, in addition to the patience of the recipe.
 
     Parameters
     ----------
@@ -106,11 +106,11 @@ class Limits:
             )
 
     def progress(self, recipe: Recipe, epoch: int, seconds: float) -> float:
-        """Share of the run that is over after `epoch` epochs and `seconds` of training.
+        """Completed share of the run after `epoch` epochs and `seconds` of training.
 
-        With a time limit the share follows whichever limit is nearer, so that a schedule comes
-        to its end on a slow machine too; such a run depends on the machine's speed, as its
-        length does. Without one it depends on the epoch alone.
+        With a time limit the share follows the limit that is nearer, so that a schedule is
+        completed on a slow machine too; such a run depends on the speed of the machine. Without a
+        time limit the share depends on the epoch alone.
         """
         share = epoch / (self.epochs or recipe.epochs)
         if self.seconds is not None:

@@ -25,7 +25,7 @@ ITEM_BYTES = {"BOOL": 1, "U8": 1, "I8": 1, "I16": 2, "I32": 4, "I64": 8} | {
 """Bytes of one value, by the format's name of its type."""
 
 _DESCRIPTION = "description"
-_REMEDY = "train the model again or copy the file anew"
+_REMEDY = "train the model again or copy the file again"
 
 
 def write_tensors(path: Path, tensors: Mapping[str, Tensor], description: Any = None) -> None:
@@ -78,7 +78,7 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], Any]:
     except (OSError, SafetensorError, ValueError, RuntimeError, TypeError) as error:
         reason = " ".join(str(error).split())
         raise ModelError(
-            f"{path}: is damaged or no safetensors file ({reason}); {_REMEDY}"
+            f"{path}: is damaged or not a safetensors file ({reason}); {_REMEDY}"
         ) from error
     text = metadata.get(_DESCRIPTION, "null")
     return tensors, parse_json(text, f"{path} (its description)", ModelError, remedy=_REMEDY)
@@ -139,4 +139,4 @@ def _offsets(tensor: Any, path: Path) -> tuple[int, int]:
 
 
 def _damaged(path: Path, reason: str) -> ModelError:
-    return ModelError(f"{path}: is damaged or no safetensors file ({reason}); {_REMEDY}")
+    return ModelError(f"{path}: is damaged or not a safetensors file ({reason}); {_REMEDY}")

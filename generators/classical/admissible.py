@@ -1,12 +1,12 @@
 """Strain paths that a pressure-dependent model can follow.
 
 A Gaussian-process path dilates by some ten percent as often as it contracts. Beyond its tension
-apex a frictional model has no strength, and its stress is the apex whatever the strain does: such
-a record says nothing of the material, and its grains would have lost contact. A model whose
-stiffness grows with the pressure is compressed to thousands of its initial pressure as easily,
-where a few paths would outweigh all others and grains be crushed. What does both is the volume
-change; so the volumetric part of the path is reduced, and the deviatoric part - amplitude, turns,
-rotation of axes - stays that of every other dataset.
+apex a frictional model has no strength, and its stress stays at the apex for any strain: such a
+record has no information on the material, whose grains would have lost contact. A model whose
+stiffness increases with the pressure is compressed to thousands of its initial pressure just as
+easily; a few such paths would outweigh all others, and the grains would be crushed. Both are due to
+the volume change. The volumetric part of the path is therefore reduced, while the deviatoric part -
+amplitude, turns, rotation of axes - is that of every other dataset.
 """
 
 import numpy as np
@@ -21,16 +21,16 @@ from granbench.paths.programme import Floats
 from granbench.tensors import normal_mask, volumetric_strain
 
 LOWEST_PRESSURE, HIGHEST_PRESSURE = 0.1, 50.0
-"""Smallest and largest mean stress on an admissible path over the initial one: from 100 kPa a
-range of 10 kPa to 5 MPa, about that of the particle tests."""
+"""Smallest and largest mean stress on an admissible path over the initial one: 10 kPa to 5 MPa for
+100 kPa, about the range of the particle tests."""
 
 FACTORS = (*(2.0 ** (-k / 4) for k in range(25)), 0.0)
-"""Factors on the volumetric strain that are tried, in this order; the first admissible is used.
-A list, not a bisection: a smaller factor need not be the safer one for a model that dilates."""
+"""Factors on the volumetric strain in the order in which they are tried, until one is admissible.
+A bisection would not do: for a model that dilates, a smaller factor need not be safer."""
 
 POINTS_TOGETHER = 8192
-"""Points that are run at a time, several factors of a path among them: one step of so many takes
-three times as long as one of a hundred."""
+"""Number of points that are run together, with several factors of a path among them: one step of so
+many points takes three times as long as one of a hundred."""
 
 EXPLANATION = (
     "The volumetric part of each drawn strain path is multiplied by `volumetric_factor`, the "
@@ -44,7 +44,7 @@ EXPLANATION = (
 
 
 def scaled_volume(strain: Floats, factor: Floats, order: str = "plane") -> Floats:
-    """Strains whose volumetric part is multiplied by a factor, on the strain grid.
+    """Multiply the volumetric part of strains by a factor, and round them to the strain grid.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def scaled_volume(strain: Floats, factor: Floats, order: str = "plane") -> Float
 
 
 def admissible_factors(cell: ClassicalCell, strain: Floats, mean_stress: float) -> Floats:
-    """The largest factor on each path's volumetric strain with which its pressure is in range.
+    """The largest factor on the volumetric strain of each path that keeps the pressure in range.
 
     Parameters
     ----------
@@ -89,8 +89,8 @@ def admissible_factors(cell: ClassicalCell, strain: Floats, mean_stress: float) 
     if np.isnan(chosen).any():
         path = int(np.argmax(np.isnan(chosen)))
         raise ModelError(
-            f"{cell.name} leaves its range of pressure on path {path} of {len(strain)} even at "
-            "constant volume; start from another mean stress or draw smaller strains"
+            f"{cell.name}: the mean stress leaves its range on path {path} of {len(strain)} even "
+            "at constant volume; start from another mean stress or draw smaller strains"
         )
     return chosen
 
@@ -115,7 +115,7 @@ def admissible(cell: ClassicalCell, strain: Floats, mean_stress: float) -> NDArr
         for increment in increments.unbind(dim=1):
             _, state = cell.step(increment[alive], state)
             pressure = cell.rows.mean(state.T[: cell.rows.count])
-            # NaN, where the model gave up, is in no range. What is out costs most to go on with.
+            # NaN, of a model that failed, is out of range. Paths out of range take longest to run.
             held = (pressure >= lowest) & (pressure <= highest)
             alive, state = alive[held], state[held]
     stays = np.zeros(len(strain), dtype=bool)

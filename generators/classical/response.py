@@ -1,4 +1,4 @@
-"""What a classical model answers along given strain paths, kept whole."""
+"""The response of a classical model along given strain paths."""
 
 from dataclasses import dataclass
 
@@ -12,14 +12,14 @@ from granbench.models.classical import ClassicalCell
 
 @dataclass(frozen=True)
 class Response:
-    """Records of a model along strain paths.
+    """The response of a model along strain paths.
 
     Parameters
     ----------
     stress : (path, step, component), Pa
     internals : (path, step), by name
-    mean_stress : (path, step), Pa, with the stress out of the plane where the model has one
-    tangent : (path, step, component, component), Pa; None where it was not asked for
+    mean_stress : (path, step), Pa, including the out-of-plane stress if the model has one
+    tangent : (path, step, component, component), Pa; None if it was not computed
     """
 
     stress: Tensor
@@ -29,28 +29,28 @@ class Response:
 
 
 def isotropic_start(cell: ClassicalCell, mean_stress: float, count: int) -> Conditions:
-    """Conditions at an isotropic stress, with the internal variables that the model starts from.
+    """Conditions at an isotropic stress, with the internal variables at the start of the model.
 
-    They are given as a dataset keeps them, so that a model which is started from the record
-    makes the very run that made it.
+    They are rounded as in a dataset, so that a model which starts from the record repeats exactly
+    the run that made the record.
 
     Parameters
     ----------
     cell : the model
-    mean_stress : Pa
+    mean_stress : Pa, compression positive
     count : number of points
     """
     normal = cell.rows.normal[: cell.component_count].T
-    stress = _kept(cell, "stress", (mean_stress * normal).expand(count, -1))
+    stress = _rounded(cell, "stress", (mean_stress * normal).expand(count, -1))
     state = cell.initial_state(Conditions(stress))
     internals = {name: state[:, cell.layout[name]].squeeze(-1) for name in cell.internals}
-    known = {name: _kept(cell, name, values.detach()) for name, values in internals.items()}
+    known = {name: _rounded(cell, name, values.detach()) for name, values in internals.items()}
     if "void_ratio" in known:
         known["initial_void_ratio"] = known["void_ratio"]
     return Conditions(stress, known | {"initial_mean_stress": cell.rows.mean(_rows(cell, state))})
 
 
-def _kept(cell: ClassicalCell, name: str, values: Tensor) -> Tensor:
+def _rounded(cell: ClassicalCell, name: str, values: Tensor) -> Tensor:
     return torch.from_numpy(recorded(name, values)).to(cell.dtype)
 
 
@@ -63,8 +63,8 @@ def response(
     ----------
     cell : the model
     strain : (path, step, component), cumulative; step 0 is the reference
-    start : what is known at step 0
-    tangents : whether the tangent of every step is wanted; that of step 0 is of a zero increment
+    start : conditions at step 0
+    tangents : whether to compute the tangent of every step; at step 0, that of a zero increment
     """
     state = cell.initial_state(start).detach()
     states, moduli = [state], []
@@ -89,5 +89,5 @@ def response(
 
 
 def _rows(cell: ClassicalCell, state: Tensor) -> Tensor:
-    """The stress as the model's rows, with zz last in plane strain."""
+    """The stress in the rows of the model, with zz last in plane strain."""
     return state.T[: cell.rows.count].detach()

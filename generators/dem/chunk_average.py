@@ -1,8 +1,8 @@
-"""Means over chunks of a run, from the one running average that LIGGGHTS keeps.
+"""Means over chunks of a run, from the running average of LIGGGHTS.
 
-``fix ave/time`` samples at the steps that are multiples of its interval, and cannot be told to
-begin anew without a set-up. So it averages over all samples since the last set-up, and a chunk's
-mean is what the chunk has added to their sum.
+``fix ave/time`` samples at the steps that are multiples of its interval, and cannot restart without
+a set-up. It therefore averages over all samples since the last set-up, and the mean over a chunk
+follows from the change of their sum.
 """
 
 from __future__ import annotations
@@ -19,20 +19,17 @@ FIRST_INTERVAL = 10
 
 
 class ChunkAverage:
-    """Mean of some of the engine's quantities over each chunk of a run.
+    """Mean of some quantities over each chunk of a run.
 
-    `start` comes before the first chunk, after every change of `interval`, and wherever else the
-    next run makes a set-up; `of_chunk` after every chunk.
+    Call `start` before the first chunk, after every change of `interval`, and before every other
+    run with set-up; call `of_chunk` after every chunk. The attribute `interval` is the number of
+    steps from one sample to the next; a chunk is a whole multiple of it.
 
     Parameters
     ----------
-    engine : the engine that samples
-    name : of the fix that it samples by
-    quantities : (quantity,), LIGGGHTS' names for what is sampled, such as ``c_virial[1]``
-
-    Attributes
-    ----------
-    interval : steps from one sample to the next; a chunk is a whole multiple of it
+    engine : LIGGGHTS
+    name : of the fix that samples
+    quantities : (quantity,), names in LIGGGHTS, such as ``c_virial[1]``
     """
 
     def __init__(self, engine: Liggghts, name: str, quantities: Sequence[str]) -> None:
@@ -45,11 +42,11 @@ class ChunkAverage:
         self._before_first_step = False
 
     def whole_chunk(self, steps: float) -> int:
-        """Return the smallest number of steps, at least `steps`, that a chunk may have."""
+        """Return the smallest number of steps of a chunk that is at least `steps`."""
         return max(1, math.ceil(steps / self.interval - 1e-9)) * self.interval
 
     def start(self, step: int) -> None:
-        """Begin anew; the next run has to begin at `step`, with a set-up."""
+        """Restart the average; the next run must begin at `step`, with a set-up."""
         self._engine.command(
             f"fix {self._name} all ave/time {self.interval} 1 {self.interval} "
             + " ".join(self._quantities)
@@ -61,11 +58,11 @@ class ChunkAverage:
         self._before_first_step = step % self.interval == 0
 
     def stop(self) -> None:
-        """Take the fix out of the engine again."""
+        """Remove the fix."""
         self._engine.command(f"unfix {self._name}")
 
     def of_chunk(self, steps: int) -> np.ndarray:
-        """Return the mean (quantity,) over the chunk of `steps` run since the last call."""
+        """Return the mean, (quantity,), over the chunk of `steps` since the last call."""
         count = steps // self.interval + self._before_first_step
         self._before_first_step = False
         before = self._samples * self._mean

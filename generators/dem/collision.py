@@ -1,6 +1,6 @@
-"""One collision of two grains, or of a grain and a plane, for checks of the contact law.
+"""One collision of two grains, or of a grain and a plane, to check the contact law.
 
-It uses the pair style and the properties of the periodic box, on the fewest grains there can be.
+The pair style and the properties are those of the periodic box.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granbench.errors import ConfigurationError, EngineError
-from granbench.generators.dem.box import CONTACT_MODEL
 from granbench.generators.dem.engine import Liggghts
+from granbench.generators.dem.input_lines import CONTACT_MODEL
 from granbench.generators.dem.material import ContactMaterial
 
 Floats = NDArray[np.float64]
 
-STEPS_A_CONTACT = 800
-"""Time steps in Hertz's contact time: the peak force is resolved to 1e-5, the time to 1/400."""
+STEPS_PER_CONTACT = 800
+"""Time steps in the contact time of Hertz; resolves the peak force to 1e-5, the time to 1/400."""
 
 
 @dataclass(frozen=True)
 class Collision:
-    """What one collision gave; z is the contact normal, x the direction of sliding.
+    """The result of one collision; z is the contact normal, x the direction of sliding.
 
     Parameters
     ----------
@@ -33,8 +33,8 @@ class Collision:
     overlap : (step,), m, while in contact
     normal_force : (step,), N, repulsion positive
     tangential_force : (step,), N, along x on the grain
-    velocity : (3,), m/s, of the grain after it
-    spin : (3,), rad/s, of the grain after it
+    velocity : (3,), m/s, of the grain after the contact
+    spin : (3,), rad/s, of the grain after the contact
     """
 
     time_step: float
@@ -51,7 +51,7 @@ class Collision:
 
     @property
     def impulse_ratio(self) -> float:
-        """Tangential over normal impulse; the friction coefficient when all of it slides."""
+        """Tangential over normal impulse; the friction coefficient if the contact always slides."""
         return float(abs(self.tangential_force.sum()) / self.normal_force.sum())
 
 
@@ -75,16 +75,17 @@ def collide(
     angle: float = 0.0,
     plane_stiffness: float | None = None,
 ) -> Collision:
-    """Let a grain collide, without gravity; to be called in a process of its own.
+    """Let a grain collide without gravity; call it in a new process.
 
     Parameters
     ----------
-    log_path : LIGGGHTS' log; the grains are written beside it
-    material : of the grain, and of the plane but for its modulus
+    log_path : log of LIGGGHTS; the grains are written beside it
+    material : of the grain, and of the plane except for its modulus
     radius : m
-    speed : of the grain, m/s; against another grain, both have it, towards each other
+    speed : of the grain, m/s; two grains have the same speed, towards each other
     angle : of the velocity from the normal, rad, from 0 to below pi / 2
-    plane_stiffness : Young's modulus of a fixed plane over the grain's; None for an equal grain
+    plane_stiffness : Young's modulus of a fixed plane over that of the grain; None to collide
+        with an equal grain
 
     Returns
     -------
@@ -92,16 +93,18 @@ def collide(
 
     Raises
     ------
-    ConfigurationError : the grain does not approach
-    EngineError : the engine is missing, or the grains do not part again
+    ConfigurationError
+        If the grain does not approach.
+    EngineError
+        If LIGGGHTS is missing, or the grains do not separate again.
     """
     if not (radius > 0 and speed > 0 and 0 <= angle < math.pi / 2):
         raise ConfigurationError(
-            f"a collision needs radius and speed above 0 and an angle in [0, pi/2); got radius "
-            f"{radius!r}, speed {speed!r} and angle {angle!r}"
+            f"radius {radius!r} and speed {speed!r} must be positive, and angle {angle!r} must be "
+            "from 0 to below pi/2"
         )
     time_step = _contact_time(material, radius, speed * math.cos(angle), plane_stiffness)
-    time_step /= STEPS_A_CONTACT
+    time_step /= STEPS_PER_CONTACT
     velocity = speed * np.array([math.sin(angle), 0.0, -math.cos(angle)])
     height = radius + 2.5 * time_step * abs(velocity[2])
     signs = (1.0,) if plane_stiffness is not None else (1.0, -1.0)
@@ -111,7 +114,7 @@ def collide(
         _install(engine, data, material, radius, time_step, plane_stiffness)
         engine.set_velocities(np.array([sign * velocity for sign in signs]))
         engine.run(0)
-        return _watch(engine, radius, time_step)
+        return _run_contact(engine, radius, time_step)
 
 
 def _contact_time(
@@ -124,11 +127,11 @@ def _contact_time(
     return hertz_contact_time(mass, radius, modulus / (1 + 1 / plane_stiffness), speed)
 
 
-def _watch(engine: Liggghts, radius: float, time_step: float) -> Collision:
+def _run_contact(engine: Liggghts, radius: float, time_step: float) -> Collision:
     overlaps, forces = [], []
-    for _ in range(4 * STEPS_A_CONTACT):
+    for _ in range(4 * STEPS_PER_CONTACT):
         engine.resume(1)
-        # The plane is z = 0, and so is, by symmetry, the middle between two grains.
+        # The plane is at z = 0, and so is the middle between two grains, by symmetry.
         places = engine.positions()[:, 2]
         overlap = radius - places[0] if places.size == 1 else 2 * radius - (places[0] - places[1])
         if overlap > 0:
@@ -144,7 +147,9 @@ def _watch(engine: Liggghts, radius: float, time_step: float) -> Collision:
                 velocity=engine.velocities()[0],
                 spin=engine.angular_velocities()[0],
             )
-    raise EngineError(f"the grains did not part within four contact times; see {engine.log_path}")
+    raise EngineError(
+        f"the grains did not separate within four contact times; see {engine.log_path}"
+    )
 
 
 def _install(

@@ -1,7 +1,7 @@
-"""Diameters of grains that follow a grading: Algorithm 1, and what Eq 2.1 makes of them.
+"""Diameters of grains that follow a grading (Algorithm 1), and their grading index (Eq 2.1).
 
-Every grading holds the same number of grains and the same solid volume, that of N equal spheres
-of 11.8 mm; only then do the smallest and the largest diameter follow.
+Every grading has the same number of grains and the same solid volume, that of N equal spheres of
+11.8 mm; the smallest and the largest diameter follow from them.
 
 References
 ----------
@@ -22,25 +22,25 @@ from granbench.generators.dem.gradings import BINARY_SMALL_MASS, GradingSpec
 Floats = NDArray[np.float64]
 
 EQUAL_SPHERE_DIAMETER = 0.0118
-"""Diameter (m) of the equal spheres whose solid volume every grading shares."""
+"""Diameter of the equal spheres that have the solid volume of every grading, m."""
 
 INTERVALS = 15
-"""Number n + 1 of equidistant size intervals in Algorithm 1. The thesis leaves it open, and it
-matters: within an interval the grains are spread evenly *by number*, which for beta > -1 puts less
-of the mass into its lower part than Eq 2.3 does. 15 meets every d_min of Table 2.1 within 2 % and
-the reported I_G of beta = 1 and 1.5 within 0.4 %; infinitely many would give d_min = 6.0 mm
-instead of 5.7 mm and I_G = 1.55 instead of 1.48 at beta = 2.9."""
+"""Number n + 1 of equidistant size intervals in Algorithm 1, which the thesis does not give. It
+affects the result: within an interval the grains are spread evenly *by number*, which for beta > -1
+puts less of the mass into its lower part than Eq 2.3. With 15, every d_min of Table 2.1 is met
+within 2 % and the reported I_G of beta = 1 and 1.5 within 0.4 %; infinitely many would give
+d_min = 6.0 mm instead of 5.7 mm and I_G = 1.55 instead of 1.48 at beta = 2.9."""
 
 BISECTION_TOLERANCE = 1e-9
-"""Relative error of the particle number at which the bisection stops. Algorithm 1 has 5e-4; this
-costs twenty more cheap iterations and makes the solid volumes equal to rounding."""
+"""Relative error of the particle number at which the bisection stops. Algorithm 1 has 5e-4; the
+smaller value takes twenty more cheap iterations and makes the solid volumes equal to rounding."""
 
 FEWEST_PARTICLES = 100
 
 
 @dataclass(frozen=True)
 class SizeClasses:
-    """Classes of size, in each of which the grains are spread evenly by number.
+    """Size classes, within each of which the grains are spread evenly by number.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class SizeClasses:
 
     @classmethod
     def of(cls, spec: GradingSpec) -> SizeClasses:
-        """Single sizes of a mono or binary grading, equidistant intervals of any other."""
+        """Classes of a grading: single sizes of a mono or binary one, else equal intervals."""
         if spec.kind in ("mono", "binary"):
             sizes = np.array([1.0] if spec.kind == "mono" else [1.0, spec.size_ratio])
             small = 1.0 if spec.kind == "mono" else BINARY_SMALL_MASS
@@ -63,15 +63,25 @@ class SizeClasses:
         return cls(edges[:-1], edges[1:], np.diff(spec.mass_fraction_below(edges)))
 
     def mean_cube(self, fraction: Floats | float = 1.0) -> Floats:
-        """Integral of x^3 over the first `fraction` (class,) of a class's grains, per grain.
+        """Integral of x^3 over the smallest grains of each class, per grain of the class, (class,).
 
-        With fraction = 1 it is v_i of Algorithm 1, times 6 / (pi d_min^3), for M to infinity.
+        For fraction = 1 it is v_i of Algorithm 1, times 6 / (pi d_min^3), for M to infinity.
+
+        Parameters
+        ----------
+        fraction : (class,) or scalar, share of the grains of a class
         """
         a, h, t = self.lower, self.upper - self.lower, np.asarray(fraction)
         return t * (a**3 + t * (1.5 * a**2 * h + t * (a * h**2 + t * 0.25 * h**3)))
 
     def particle_numbers(self, smallest_diameter: float, solid_volume: float) -> Floats:
-        """Particle number N_i (class,) that gives each class its share of the solid volume (m3)."""
+        """Number of particles N_i, (class,), that gives each class its share of the solid volume.
+
+        Parameters
+        ----------
+        smallest_diameter : m
+        solid_volume : of all grains, m3
+        """
         grain_volume = math.pi / 6.0 * smallest_diameter**3 * self.mean_cube()
         return solid_volume * self.mass_fraction / grain_volume
 
@@ -96,7 +106,7 @@ def smallest_diameter(classes: SizeClasses, particle_count: int, solid_volume: f
     while error > BISECTION_TOLERANCE:
         middle = 0.5 * (left + right)
         number = classes.particle_numbers(middle, solid_volume).sum()
-        # More grains than wanted: they are too small. (Algorithm 1 prints the branches swapped.)
+        # More grains than N: they are too small. (Algorithm 1 prints the branches swapped.)
         if number < particle_count:
             right = middle
         else:
@@ -107,7 +117,7 @@ def smallest_diameter(classes: SizeClasses, particle_count: int, solid_volume: f
 
 @dataclass(frozen=True)
 class Grading:
-    """A realised grading: the grains that a specimen is made of.
+    """The grains of a specimen.
 
     Parameters
     ----------
@@ -137,7 +147,7 @@ class Grading:
     def grading_index(self) -> float:
         """I_G = exp(sum w ln^2(d / dbar)), ln dbar = sum w ln d, w the mass fraction of a grain.
 
-        Eq 2.1 prints a square root over the sum; every value that the thesis reports lacks it.
+        Eq 2.1 has a square root over the sum; the values that the thesis reports are without it.
         """
         mass = self.diameters**3 / (self.diameters**3).sum()
         logarithm = np.log(self.diameters / self.d_min)
@@ -183,25 +193,25 @@ class Grading:
 def realise_grading(spec: GradingSpec, particle_count: int, rng: np.random.Generator) -> Grading:
     """Choose the diameters of exactly N grains that follow a grading.
 
-    A continuous grading is cut into N strata of equal number; each grain stands for one and has
-    its mean volume. So the volume is exact and the few large grains, which carry most of the mass
-    of a wide grading, do not depend on luck.
+    A continuous grading is divided into N strata of equal number, and each grain has the mean
+    volume of its stratum. The volume is therefore exact, and the few large grains, which have
+    most of the mass of a wide grading, are not random.
 
     Parameters
     ----------
     spec : GradingSpec
     particle_count : int, N, at least 100
     rng : numpy.random.Generator
-        Orders the grains, so that a grain's number says nothing about its size.
+        Orders the grains, so that the number of a grain does not depend on its size.
 
     Returns
     -------
-    grading : Grading, of the solid volume of N spheres of 11.8 mm
+    grading : Grading, with the solid volume of N spheres of 11.8 mm
 
     Raises
     ------
     ConfigurationError
-        Too few particles.
+        If there are too few particles.
     """
     if particle_count < FEWEST_PARTICLES:
         raise ConfigurationError(
@@ -217,13 +227,13 @@ def realise_grading(spec: GradingSpec, particle_count: int, rng: np.random.Gener
         cubes = np.where(np.arange(particle_count) < small, 1.0, spec.size_ratio**3)
     else:
         cubes = _stratum_mean_cubes(classes, numbers, particle_count)
-    # Whole grains of a binary grading miss the volume by up to half a grain: scale it away.
+    # Whole grains of a binary grading miss the volume by up to half a grain: scaled to fit.
     diameters = np.cbrt(cubes * 6.0 * solid_volume / (math.pi * cubes.sum()))
     return Grading(spec, rng.permutation(diameters))
 
 
 def _stratum_mean_cubes(classes: SizeClasses, numbers: Floats, particle_count: int) -> Floats:
-    """Mean cube (grain,) of the relative diameter over N strata of equal number."""
+    """Mean cube of the relative diameter in N strata of equal number, (grain,)."""
     numbers = numbers * particle_count / numbers.sum()
     below = np.concatenate([[0.0], np.cumsum(numbers)])
     rank = np.arange(particle_count + 1, dtype=float)

@@ -1,4 +1,4 @@
-"""LIGGGHTS, driven in this process through its C interface."""
+"""LIGGGHTS in this process, through its C interface."""
 
 from __future__ import annotations
 
@@ -18,34 +18,35 @@ LIBRARY = "libliggghts.so.3"
 REMEDY = "apt-get install liggghts libliggghts-dev (make setup does it)"
 
 PLAIN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
-"""What LIGGGHTS takes as a file name whatever its position in an input line."""
+"""File names that LIGGGHTS accepts anywhere in an input line."""
 
 _started = False
 
 
 class SimulationFailure(EngineError):
-    """A simulation that its own physics ended: run again, it would end in the same way."""
+    """A simulation failed for a reason of its own: run again, it would fail in the same way."""
 
 
 class Liggghts:
-    """One LIGGGHTS instance; a process can hold one in its life (a second fails in MPI).
+    """One LIGGGHTS instance; a process can start only one (a second fails in MPI).
 
     Parameters
     ----------
-    log_path : file for LIGGGHTS' own log; its last ``ERROR:`` line is what `last_error` reads,
-        because an error inside LIGGGHTS ends the process
+    log_path : log of LIGGGHTS. An error inside LIGGGHTS ends the process; `last_error` reads it
+        from the log.
 
     Raises
     ------
-    EngineError : the library is missing, or this process has had an instance before
+    EngineError
+        If the library is missing, or this process has started an instance before.
     """
 
     def __init__(self, log_path: Path) -> None:
         global _started
         if _started:
             raise EngineError(
-                "LIGGGHTS can be started once in a process; run each simulation in its own "
-                "worker process"
+                "LIGGGHTS can be started only once in a process; run each simulation in a new "
+                "process"
             )
         self.log_path = Path(log_path)
         self._library = _load_library()
@@ -74,40 +75,41 @@ class Liggghts:
             self._handle = ctypes.c_void_p()
 
     def command(self, *lines: str) -> None:
-        """Execute input lines; an error in one ends the process with its text in the log."""
+        """Execute input lines; an error ends the process, and its text is in the log."""
         for line in lines:
             self._library.lammps_command(self._handle, line.encode())
 
     def file_command(self, command: str, path: Path) -> None:
-        """Execute a command on a file, which is given by its bare name in its own folder.
+        """Execute a command on a file, from the folder of the file.
 
-        LIGGGHTS splits its input at spaces and tabs, gives ``$ # " & % *`` a meaning, and has
-        2048 characters for a line: no path of a user's may be part of one.
+        LIGGGHTS splits its input at spaces and tabs, interprets ``$ # " & % *``, and reads at most
+        2048 characters per line, so that a line must not contain the path of a user.
 
         Parameters
         ----------
-        command : such as ``read_data``; its one argument is the file
+        command : such as ``read_data``; the file is its only argument
         path : of the file; its folder exists
 
         Raises
         ------
-        EngineError : the bare name has characters that mean something to LIGGGHTS
+        EngineError
+            If the name of the file has characters that LIGGGHTS interprets.
         """
         path = Path(path)
         if not PLAIN_NAME.fullmatch(path.name):
             raise EngineError(
                 f"LIGGGHTS cannot take the file name {path.name!r}; use letters, digits and . _ -"
             )
-        # One simulation has this process to itself, so that nobody else minds the folder.
+        # The simulation is alone in this process, so that it may change the working folder.
         with contextlib.chdir(path.parent):
             self.command(f"{command} {path.name}")
 
     def run(self, steps: int) -> None:
-        """Run `steps` with a full set-up, as needed after any fix or compute has changed."""
+        """Run `steps` with a full set-up, which is needed after a fix or compute has changed."""
         self.command(f"run {steps} post no")
 
     def resume(self, steps: int) -> None:
-        """Run `steps` on from the last run without set-up; only variables may have changed."""
+        """Continue the last run by `steps` without set-up; only variables may have changed."""
         self.command(f"run {steps} pre no post no")
 
     def box_lengths(self) -> np.ndarray:
@@ -124,7 +126,7 @@ class Liggghts:
         return self._global_double("dt")
 
     def current_step(self) -> int:
-        """Return the number of the current step, which a restart file carries on."""
+        """Return the number of the current step, which restart files contain."""
         self.command("variable current_step equal step")
         pointer = self._library.lammps_extract_variable(self._handle, b"current_step", None)
         step = ctypes.cast(pointer, ctypes.POINTER(ctypes.c_double))[0]
@@ -132,11 +134,11 @@ class Liggghts:
         return int(step)
 
     def grain_count(self) -> int:
-        """Return how many grains are left; LIGGGHTS drops lost ones without a word."""
+        """Return the number of grains; LIGGGHTS removes lost grains without an error."""
         return int(self._library.lammps_get_natoms(self._handle))
 
     def positions(self) -> np.ndarray:
-        """Return grain centres by id, (grain, 3), m; they may lie slightly outside the box."""
+        """Return grain centres by id, (grain, 3), m; some may lie slightly outside the box."""
         return self._gather("x", 3)
 
     def velocities(self) -> np.ndarray:
@@ -144,13 +146,13 @@ class Liggghts:
         return self._gather("v", 3)
 
     def set_velocities(self, velocities: np.ndarray) -> None:
-        """Set all velocities by id, (grain, 3), m/s, in place: no set-up is needed after it."""
+        """Set all velocities by id, (grain, 3), m/s; no set-up is needed afterwards."""
         ordered = np.ascontiguousarray(velocities, dtype=float)
         pointer = ordered.ctypes.data_as(ctypes.c_void_p)
         self._library.lammps_scatter_atoms(self._handle, b"v", 1, 3, pointer)
 
     def angular_velocities(self) -> np.ndarray:
-        """Return grain spins by id, (grain, 3), rad/s."""
+        """Return angular velocities of the grains by id, (grain, 3), rad/s."""
         return self._gather("omega", 3)
 
     def forces(self) -> np.ndarray:
@@ -162,7 +164,7 @@ class Liggghts:
         return self._gather("radius", 1)[:, 0]
 
     def fix_vector(self, name: str, size: int) -> np.ndarray:
-        """Return the first `size` entries of a fix's global vector."""
+        """Return the first `size` entries of the global vector of a fix."""
         values = np.empty(size)
         for i in range(size):
             pointer = self._library.lammps_extract_fix(self._handle, name.encode(), 0, 1, i, 0)
@@ -173,14 +175,14 @@ class Liggghts:
         return values
 
     def compute_scalar(self, name: str) -> float:
-        """Return a compute's global scalar, evaluated now if it is not current."""
+        """Return the global scalar of a compute, evaluated now if it is not current."""
         return float(ctypes.cast(self._compute(name, 0, 0), ctypes.POINTER(ctypes.c_double))[0])
 
     def compute_local(self, name: str, rows: int, columns: int) -> np.ndarray:
-        """Return a compute's local array, (rows, columns), evaluated now if not current."""
+        """Return the local array of a compute, (rows, columns), evaluated now if not current."""
         table = ctypes.POINTER(ctypes.POINTER(ctypes.c_double))
         first = ctypes.cast(self._compute(name, 2, 2), table)[0]
-        # LIGGGHTS keeps the rows in one block.
+        # LIGGGHTS stores the rows in one block.
         return np.ctypeslib.as_array(first, (rows, columns)).copy()
 
     def _compute(self, name: str, style: int, kind: int) -> int:
@@ -207,7 +209,7 @@ class Liggghts:
 
 def _load_library() -> ctypes.CDLL:
     try:
-        # Global symbols: the MPI that LIGGGHTS links loads its plug-ins against them.
+        # Global symbols, because the plug-ins of the MPI library of LIGGGHTS need them.
         library = ctypes.CDLL(LIBRARY, mode=ctypes.RTLD_GLOBAL)
     except OSError as missing:
         raise EngineError(f"the DEM engine {LIBRARY} cannot be loaded: {REMEDY}") from missing
@@ -236,12 +238,16 @@ def _load_library() -> ctypes.CDLL:
 
 
 def last_error(log_path: Path) -> str | None:
-    """Return LIGGGHTS' own words for why it ended the process that wrote `log_path`.
+    """Return the error with which LIGGGHTS ended the process that wrote a log.
+
+    Parameters
+    ----------
+    log_path : log of LIGGGHTS
 
     Returns
     -------
-    str : the text of the log's last ``ERROR`` line; None where there is no log or no such line,
-        as after a signal or the loss of an MPI process
+    The last ``ERROR`` line of the log; None if there is no log or no such line, as after a signal
+    or the loss of an MPI process
     """
     try:
         text = Path(log_path).read_text(errors="replace")
@@ -252,7 +258,13 @@ def last_error(log_path: Path) -> str | None:
 
 
 def engine_version() -> str:
-    """Return the installed engine's name and version, such as ``LIGGGHTS 3.8.0``."""
+    """Return name and version of the installed engine, such as ``LIGGGHTS 3.8.0``.
+
+    Raises
+    ------
+    EngineError
+        If LIGGGHTS is missing.
+    """
     _load_library()
     try:
         answer = subprocess.run(

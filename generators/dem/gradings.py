@@ -1,7 +1,7 @@
-"""Shapes of the particle size distributions of Table 2.1, free of scale.
+"""Shapes of the particle size distributions of Table 2.1, without scale.
 
-A shape is written in the relative diameter x = d / d_min, from 1 to `size_ratio`. The diameters
-in metres follow from a number of grains and their solid volume
+A shape is a function of the relative diameter x = d / d_min, from 1 to `size_ratio`. The diameters
+in metres follow from the number of grains and their solid volume
 (`granbench.generators.dem.diameters`).
 
 References
@@ -25,8 +25,8 @@ Floats = NDArray[np.float64]
 Kind = Literal["bell", "mono", "binary", "linear", "fractal"]
 
 BINARY_SMALL_MASS = 0.36
-"""Mass fraction of the smaller size of a binary grading; not in the thesis, found from Table 2.1
-(9 mm and 18 mm) and from the reported I_G = 1.117."""
+"""Mass fraction of the smaller size of a binary grading; not in the thesis, derived from Table 2.1
+(9 mm and 18 mm) and the reported I_G = 1.117."""
 
 LARGEST_SIZE_RATIO = 100.0
 FRACTAL_DIMENSIONS = (-20.0, 6.0)
@@ -35,25 +35,25 @@ FRACTAL_DIMENSIONS = (-20.0, 6.0)
 
 @dataclass(frozen=True)
 class GradingSpec:
-    """The shape of a grading, free of scale.
+    """The shape of a grading, without scale.
 
     Parameters
     ----------
     name : str
-        What the grading is called in datasets.
+        Name of the grading in datasets.
     kind : {"bell", "mono", "binary", "linear", "fractal"}
         bell: normal by number, centred in the range, standard deviation = range / 6;
         mono: one size; binary: two sizes, `BINARY_SMALL_MASS` of the mass in the smaller;
-        linear: even by number, so the mass density grows as d^3; fractal: Eq 2.3, by mass.
+        linear: uniform by number, so that the mass density grows as d^3; fractal: Eq 2.3, by mass.
     size_ratio : float
         d_max / d_min, dimensionless.
     fractal_dimension : float or None
-        beta of Eq 2.3; given for a fractal grading and for no other.
+        beta of Eq 2.3; only for a fractal grading.
 
     Raises
     ------
     ConfigurationError
-        A field is outside what describes a grading; the text names it and the remedy.
+        If a field is out of range; the text names it.
     """
 
     name: str
@@ -88,7 +88,8 @@ class GradingSpec:
         if beta >= 3.0 and math.isinf(self.size_ratio):
             raise ConfigurationError(
                 f"{where}: fractal_dimension {beta:g} >= 3 with d_min = 0 (size_ratio infinite) "
-                "puts all mass into dust (Eq 2.3 diverges); choose fractal_dimension below 3 or "
+                "puts all mass into grains of size 0 (Eq 2.3 diverges); choose fractal_dimension "
+                "below 3 or "
                 "a finite size_ratio such as 10"
             )
 
@@ -96,8 +97,7 @@ class GradingSpec:
         ratio = self.size_ratio
         if math.isnan(ratio) or ratio < 1.0:
             raise ConfigurationError(
-                f"{where}: size_ratio d_max/d_min is {ratio:g}, so d_max < d_min; "
-                "give a ratio of at least 1"
+                f"{where}: size_ratio d_max/d_min is {ratio:g}; give a ratio of at least 1"
             )
         if ratio > LARGEST_SIZE_RATIO:
             raise ConfigurationError(
@@ -124,7 +124,7 @@ class GradingSpec:
         Raises
         ------
         ConfigurationError
-            The grading is mono or binary: its F is a step, not a curve.
+            If the grading is mono or binary, whose F is a step function.
 
         References
         ----------
@@ -139,7 +139,7 @@ class GradingSpec:
             return (moment - ends[0]) / (ends[1] - ends[0])
         if self.kind in ("mono", "binary"):
             raise ConfigurationError(
-                f"grading '{self.name}': kind '{self.kind}' has single sizes and no curve F(d)"
+                f"grading '{self.name}': kind '{self.kind}' has single sizes and no continuous F(d)"
             )
         beta = -1.0 if self.fractal_dimension is None else self.fractal_dimension
         power = 3.0 - beta
@@ -159,7 +159,7 @@ def _normal_third_moment(x: Floats, mean: float, deviation: float) -> Floats:
 
 def _fractal(beta: float) -> GradingSpec:
     name = "fractal-m5.0" if beta == -5.0 else f"fractal-{beta:.1f}"
-    # Table 2.1 prints 5.7 and 53.2 mm at beta = 2.9: its few largest grains miss the ratio of 10.
+    # Table 2.1 has 5.7 and 53.2 mm at beta = 2.9, a ratio below 10.
     size_ratio = 53.2 / 5.7 if beta == 2.9 else 10.0
     return GradingSpec(name, "fractal", size_ratio=size_ratio, fractal_dimension=beta)
 
@@ -174,4 +174,4 @@ GRADINGS: dict[str, GradingSpec] = {
         *(_fractal(beta) for beta in (-5.0, 1.0, 1.5, 2.0, 2.5, 2.9)),
     )
 }
-"""Table 2.1, and fractal-1.5, which the thesis keeps unseen."""
+"""Gradings of Table 2.1 by name, and fractal-1.5, which the thesis does not use for training."""

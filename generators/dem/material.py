@@ -1,4 +1,4 @@
-"""Contact material of the grains and the time steps that it allows."""
+"""Contact material of the grains, and the time steps for which it is stable."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import math
 from pydantic import BaseModel, ConfigDict, Field
 
 RAYLEIGH_FRACTION = 0.2
-"""Step over the Rayleigh time: gives the curves of a step five times smaller."""
+"""Time step over the Rayleigh time; a five times smaller step gives the same stress paths."""
 
 STIFFNESS_PENALTY = 0.01
-"""beta of Eq 2.8; 0.01 reproduces every step of the thesis' Table 2.3."""
+"""beta of Eq 2.8; 0.01 reproduces every time step of Table 2.3 of the thesis."""
 
 
 class ContactMaterial(BaseModel):
@@ -36,22 +36,26 @@ class ContactMaterial(BaseModel):
     restitution: float = Field(0.5, gt=0, le=1)
 
     def rayleigh_time_step(self, smallest_radius: float) -> float:
-        """Return the Rayleigh time in s of the smallest grain of radius `smallest_radius` in m."""
+        """Return the Rayleigh time of the smallest grain, s, from its radius, m."""
         shear_modulus = self.young_modulus / (2 * (1 + self.poisson_ratio))
         travel = math.pi * smallest_radius * math.sqrt(self.density / shear_modulus)
         return travel / (0.163 * self.poisson_ratio + 0.8766)
 
     def critical_time_step(self, smallest_radius: float) -> float:
-        """Return the critical step of Eq 2.8 in s for the smallest radius in m."""
+        """Return the critical time step of Eq 2.8, s, from the smallest radius, m."""
         mass = self.density * 4 / 3 * math.pi * smallest_radius**3
         stiffness = self.young_modulus / (3 * (1 + 2 * self.poisson_ratio)) * STIFFNESS_PENALTY
         return 0.2 * math.pi * math.sqrt(mass / stiffness)
 
     def time_step(self, smallest_radius: float) -> float:
-        """Return the step in s that the simulations use: the largest that both bounds allow.
+        """Return the time step of the simulations, s: the smaller of the two bounds.
 
-        Rayleigh's bound falls with d and that of Eq 2.8 with d^1.5, so it takes over for grains
-        below some 3.6 mm.
+        The Rayleigh bound decreases as d and that of Eq 2.8 as d^1.5, which governs for grains
+        below 3.6 mm.
+
+        Parameters
+        ----------
+        smallest_radius : m
         """
         return min(
             RAYLEIGH_FRACTION * self.rayleigh_time_step(smallest_radius),

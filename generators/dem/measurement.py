@@ -1,4 +1,4 @@
-"""What is measured on a box of grains: contacts, coordination number, fabric, inertial number."""
+"""Measurements in a box of grains: contacts, coordination number, fabric, inertial number."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Contacts:
-    """Contacts of a state.
+    """The contacts between the grains.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class Contacts:
 
     @property
     def coordination_number(self) -> float:
-        """Z = 2 N_c / N, over all grains."""
+        """Coordination number Z = 2 N_c / N of all grains."""
         return 2 * len(self.normals) / self.grain_count
 
     @property
@@ -41,14 +41,14 @@ class Contacts:
 
 
 def contacts(box: GrainBox) -> Contacts:
-    """Read the present contacts, those across the periodic faces included."""
+    """Return the present contacts, including those across periodic faces."""
     branch = _branches(box)
     length = np.linalg.norm(branch, axis=1, keepdims=True)
     return Contacts(branch / length, box.grain_count)
 
 
 def _branches(box: GrainBox) -> Floats:
-    """Vectors from the second to the first grain of every contact, (contact, 3), m."""
+    """Branch vectors from the second to the first grain of every contact, (contact, 3), m."""
     pairs = box.contact_pairs()
     positions = box.engine.positions()
     branch = positions[pairs[:, 0]] - positions[pairs[:, 1]]
@@ -56,10 +56,10 @@ def _branches(box: GrainBox) -> Floats:
 
 
 def contact_stress(box: GrainBox) -> Floats:
-    """Return the stress sum(f d) / V over all contacts now (Eq 2.5), Pa.
+    """Return the present stress sum(f d) / V over all contacts (Eq 2.5), Pa.
 
-    f is the force on the first grain of a contact and d the branch to it from the second. It is
-    what the virial of `GrainBox.strain` gives, found in another way, and much slower.
+    f is the force on the first grain of a contact and d the branch from the second grain to it. It
+    equals the virial of `GrainBox.strain`, and takes much longer to compute.
 
     Returns
     -------
@@ -72,10 +72,24 @@ def contact_stress(box: GrainBox) -> Floats:
 
 
 def inertial_number(rate: float, d50: float, density: float, mean_stress: float) -> float:
-    """Return I = rate d50 sqrt(rho / p) (Eq 2.6); rate in 1/s, d50 in m, stress in Pa."""
+    """Return the inertial number I = rate d50 sqrt(rho / p) (Eq 2.6).
+
+    Parameters
+    ----------
+    rate : of strain, 1/s
+    d50 : median diameter by mass, m
+    density : of the grains, kg/m3
+    mean_stress : Pa
+    """
     return rate * d50 * math.sqrt(density / mean_stress)
 
 
 def rate_at(inertial: float, d50: float, density: float, mean_stress: float) -> float:
-    """Return the strain rate in 1/s at which the inertial number of Eq 2.6 is `inertial`."""
+    """Return the strain rate, 1/s, at which the inertial number of Eq 2.6 is `inertial`.
+
+    Parameters
+    ----------
+    inertial : inertial number
+    d50, density, mean_stress : as for `inertial_number`
+    """
     return inertial / (d50 * math.sqrt(density / mean_stress))

@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 WIDE_SOLID_FRACTION = 0.40
 NARROW_SOLID_FRACTION = 0.30
-"""Random placement of equal spheres jams at 0.38 and is slow well before that."""
+"""Random placement of equal spheres becomes slow above it, and impossible at 0.38."""
 
 WIDE_GRADING_INDEX = 1.10
 """I_G above which small grains fill the gaps between large ones, so that 0.40 is reached fast."""
@@ -26,15 +26,16 @@ SIZE_CLASS_RATIO = 1.25
 
 CANDIDATES_PER_GRAIN = 10
 CANDIDATES_PER_ROUND = (500, 20_000)
-"""Fewest and most positions that are tried at once. A waiting grain gets ten in the first round
-of its class and ten more in each later one, as free places become rare."""
+"""Smallest and largest number of positions that are tried at once. For each grain that is not
+placed yet, ten positions are tried in the first round of its class and ten more in each later one,
+as free positions become rare."""
 
-BARREN_ROUNDS = 20
-"""Rounds in a row that place no grain, after which the packing counts as jammed."""
+FAILED_ROUNDS = 20
+"""Successive rounds without a placed grain, after which the placement fails."""
 
 
 def default_solid_fraction(grading: Grading) -> float:
-    """Solid fraction at which `place_grains` is quick: 0.40 for wide gradings, 0.30 for narrow."""
+    """Solid fraction at which `place_grains` is fast: 0.40 for wide gradings, 0.30 for narrow."""
     wide = grading.grading_index > WIDE_GRADING_INDEX
     return WIDE_SOLID_FRACTION if wide else NARROW_SOLID_FRACTION
 
@@ -59,11 +60,13 @@ def place_grains(
     Raises
     ------
     ConfigurationError
-        A diameter or the solid fraction is not positive, the box is smaller than two of the
-        largest grains (nearest periodic images would be ambiguous), or no free place is left.
+        If a diameter or the solid fraction is not positive, the box is smaller than two of the
+        largest grains (nearest periodic images would be ambiguous), or no free position is left.
     """
     if diameters.size == 0 or not np.all(np.isfinite(diameters) & (diameters > 0.0)):
-        raise ConfigurationError("diameters must be positive, finite and at least one; check them")
+        raise ConfigurationError(
+            "diameters must be positive and finite, and there must be at least one"
+        )
     if not 0.0 < solid_fraction < 1.0:
         raise ConfigurationError(
             f"solid_fraction is {solid_fraction}; give a value between 0 and 1, such as "
@@ -97,12 +100,12 @@ def _place_class(
     box_edge: float,
     rng: np.random.Generator,
 ) -> Floats:
-    """Positions (grain, 3) of one size class among the `placed` ones."""
+    """Positions of the grains of one size class among those already placed, (grain, 3), m."""
     positions = np.empty((diameters.size, 3))
     waiting = np.arange(diameters.size)
     done = np.empty(0, dtype=np.intp)
-    rounds = barren = 0
-    while waiting.size and barren < BARREN_ROUNDS:
+    rounds = failed = 0
+    while waiting.size and failed < FAILED_ROUNDS:
         rounds += 1
         tried = np.clip(CANDIDATES_PER_GRAIN * rounds * waiting.size, *CANDIDATES_PER_ROUND)
         grain = np.resize(waiting, int(tried))
@@ -117,11 +120,11 @@ def _place_class(
         positions[grain[apart]] = candidate[apart]
         done = np.concatenate([done, grain[apart]])
         waiting = np.setdiff1d(waiting, grain[apart], assume_unique=True)
-        barren = 0 if apart.any() else barren + 1
+        failed = 0 if apart.any() else failed + 1
     if waiting.size:
         raise ConfigurationError(
             f"{waiting.size} grains of {diameters.min():.3g} to {diameters.max():.3g} m find no "
-            "free place; lower solid_fraction (equal spheres jam at 0.38)"
+            "free position; lower solid_fraction (for equal spheres it must be below 0.38)"
         )
     return positions
 
@@ -129,7 +132,7 @@ def _place_class(
 def _free_of(
     candidate: Floats, diameter: Floats, tree: cKDTree, sizes: Floats, box_edge: float
 ) -> NDArray[np.bool_]:
-    """Which candidates touch no grain of a tree."""
+    """Whether each candidate touches no grain of a tree, (candidate,)."""
     free = np.ones(len(candidate), dtype=bool)
     if free.size:
         reach = 0.5 * (diameter.max() + sizes.max())
@@ -142,7 +145,7 @@ def _free_of(
 
 
 def _apart_from_earlier(candidate: Floats, diameter: Floats, box_edge: float) -> NDArray[np.bool_]:
-    """Which candidates touch no candidate that comes before them."""
+    """Whether each candidate touches none of the candidates before it, (candidate,)."""
     apart = np.ones(len(candidate), dtype=bool)
     if len(candidate) > 1:
         pairs = cKDTree(candidate, boxsize=box_edge).query_pairs(
@@ -155,7 +158,7 @@ def _apart_from_earlier(candidate: Floats, diameter: Floats, box_edge: float) ->
 
 
 def _separation(first: Floats, second: Floats, box_edge: float) -> Floats:
-    """Distance (pair,) of centres by the nearest periodic image."""
+    """Distance of centres by the nearest periodic image, (pair,), m."""
     offset = first - second
     return np.linalg.norm(offset - box_edge * np.round(offset / box_edge), axis=-1)
 

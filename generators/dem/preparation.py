@@ -1,8 +1,8 @@
 """Preparation of specimens: random grains, compressed isotropically and kept as restart files.
 
-The friction of the preparation, mu0, makes a packing dense or loose. It acts up to the lowest
-pressure; there the friction becomes the material's, and the packing is consolidated upward through
-the other pressures. One preparation so serves all loading paths.
+The preparation friction mu0 makes a packing dense or loose. It acts up to the lowest pressure;
+there it is replaced by the friction of the material, and the packing is consolidated to the higher
+pressures one after another. One preparation therefore serves all loading paths.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from granbench.generators.dem.packing import default_solid_fraction, place_grain
 from granbench.generators.dem.servo import ServoGains, StressServo
 
 APPROACH_INERTIAL_NUMBER = 3e-2
-"""While grains hardly touch; relative to the lowest pressure."""
+"""Inertial number while grains hardly touch, relative to the lowest pressure."""
 
 COMPRESSION_INERTIAL_NUMBER = 1e-2
-"""Bound on the way between isotropic states; every state is at rest when it is kept."""
+"""Largest inertial number between isotropic states; every state is at rest when it is written."""
 
 LARGEST_STRESS_STEP = 0.05
-"""Most that a chunk may change the mean stress by, over the target: no overshoot, which would
-leave a packing overconsolidated."""
+"""Largest change of the mean stress in a chunk, over the target. It prevents an overshoot, which
+would leave the packing overconsolidated."""
 
 RESPONSE_TIME = 1.6
-"""Duration of a chunk in Rayleigh times of the median grain, some 8 steps of equal spheres."""
+"""Duration of a chunk in Rayleigh times of the median grain; about 8 steps of equal spheres."""
 
 GAINS = ServoGains(integral=0.03, integral_limit=0.1, rate_limit=1.0)
-"""The target stands still here: what is learnt need only follow creep, and must not wind up on the
-way to the target, which it would overshoot by a third."""
+"""Gains for a constant target: the integral part only has to follow creep. With larger limits it
+would wind up on the way, and overshoot the target by a third."""
 
 PROBE_STRAIN = 2e-4
 
@@ -47,18 +47,18 @@ STRESS_TOLERANCE = 3e-3
 """Relative error of each normal stress at which a state counts as reached."""
 
 ENERGY_TOLERANCE = 1e-4
-"""Kinetic energy over p V at which a state counts as quasi-static; the servo's own jitter keeps it
-near that at 4 MPa, where the grains are stiff."""
+"""Kinetic energy over p V at which a state counts as quasi-static; the servo alone causes nearly as
+much at 4 MPa, where the grains are stiff."""
 
 FIRST_MODULUS = 40.0
-"""Bulk modulus over pressure before it has been measured."""
+"""Bulk modulus over pressure, assumed before it has been measured."""
 
 SMALLEST_BOX_EDGE_RATIO = 3.0
-"""Box edge over the largest diameter, below which grains meet their own images."""
+"""Smallest box edge over largest diameter; below it grains touch their own periodic images."""
 
-CALM_CHUNKS = 5
+SETTLED_CHUNKS = 5
 QUENCH_CHUNKS = 10
-"""Grains are stopped once in so many chunks while a state settles."""
+"""While a state settles, the grains are stopped each time after this number of chunks."""
 
 MOST_CHUNKS = 5000
 
@@ -70,8 +70,9 @@ class PreparedState(BaseModel):
     ----------
     pressure : target mean stress, Pa
     restart_file : name of the restart file in the specimen's folder
-    stress : (6,) Pa, compression positive, full order
-    bulk_modulus : tangent K, Pa, from a probe after the file was written
+    stress : (6,), Pa, compression positive, full order
+    void_ratio, coordination_number : of the state
+    bulk_modulus : tangent K, Pa, from a small compression after the file was written
     kinetic_energy_ratio : kinetic energy over p V
     """
 
@@ -91,8 +92,14 @@ class PreparedSpecimen(BaseModel):
 
     Parameters
     ----------
-    d50 : mass median diameter, m, the characteristic length of Eq 2.6
+    folder : with the restart files
+    material : contact material
+    preparation_friction : mu0
+    seed : of the positions of the grains
+    particle_count : number of grains
+    d50 : median diameter by mass, m, the characteristic length of Eq 2.6
     box_edge_ratio : box edge over the largest diameter at the highest pressure
+    states : one for each pressure
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -107,7 +114,13 @@ class PreparedSpecimen(BaseModel):
     states: tuple[PreparedState, ...]
 
     def state(self, pressure: float) -> PreparedState:
-        """Return the state at a pressure in Pa; ConfigurationError if it was not prepared."""
+        """Return the state at a pressure, Pa.
+
+        Raises
+        ------
+        ConfigurationError
+            If no state was prepared at it.
+        """
         for state in self.states:
             if abs(state.pressure / pressure - 1) < 1e-9:
                 return state
@@ -115,18 +128,26 @@ class PreparedSpecimen(BaseModel):
         raise ConfigurationError(f"pressure {pressure:g} Pa was not prepared; use one of {known}")
 
     def diameters(self) -> np.ndarray:
-        """Return the grain diameters, (grain,), m."""
+        """Return the diameters of the grains, (grain,), m."""
         return np.load(self.folder / DIAMETERS_FILE)
 
     @classmethod
     def load(cls, folder: Path) -> Self:
-        """Read a prepared specimen back; EngineError if the folder holds none."""
+        """Read a prepared specimen from its folder.
+
+        Raises
+        ------
+        EngineError
+            If the folder has no specimen.
+        """
         path = Path(folder) / SPECIMEN_FILE
         try:
             facts = json.loads(path.read_text())
             return cls.model_validate(facts | {"folder": Path(folder)})
         except (OSError, ValueError) as broken:
-            raise EngineError(f"{path} holds no prepared specimen; prepare it again") from broken
+            raise EngineError(
+                f"{path} is not the description of a specimen; prepare it again"
+            ) from broken
 
 
 SPECIMEN_FILE = "specimen.json"
@@ -141,32 +162,32 @@ def prepare_specimen(
     folder: Path,
     material: ContactMaterial | None = None,
 ) -> PreparedSpecimen:
-    """Prepare one packing at every pressure; to be called in a process of its own.
+    """Prepare one packing at every pressure; call it in a new process.
 
     Parameters
     ----------
-    grading : the realised grading, diameters in m
-    preparation_friction : mu0 up to the lowest pressure
+    grading : the grains
+    preparation_friction : mu0, up to the lowest pressure
     pressures : mean stresses p0, Pa
-    seed : of the grains' places
-    folder : created; the specimen's description is written last, so a folder that has one is whole
-    material : ContactMaterial() if None
-
-    Returns
-    -------
-    specimen : PreparedSpecimen
+    seed : of the positions of the grains
+    folder : is made; the description of the specimen is written last, so that a folder with one is
+        complete
+    material : contact material; the default one if None
 
     Raises
     ------
-    EngineError : the engine is missing
-    SimulationFailure : a state was not reached
-    ConfigurationError : a setting is outside what is possible
+    EngineError
+        If LIGGGHTS is missing.
+    SimulationFailure
+        If a state was not reached.
+    ConfigurationError
+        If a pressure is not positive or the friction is negative.
     """
     if not pressures or min(pressures) <= 0:
-        raise ConfigurationError(f"pressures {tuple(pressures)!r} must be positive (Pa)")
+        raise ConfigurationError(f"pressures must be positive, not {tuple(pressures)!r} Pa")
     if preparation_friction < 0:
         raise ConfigurationError(
-            f"preparation_friction {preparation_friction!r} must not be negative"
+            f"preparation_friction must not be negative, but is {preparation_friction!r}"
         )
     material = material or ContactMaterial()
     levels = sorted(pressures)
@@ -220,7 +241,13 @@ def prepare_specimen(
 
 
 def response_steps(box: GrainBox, d50: float) -> int:
-    """Return the steps of a chunk in which the median grain (m) answers; sets the sampling."""
+    """Return the steps of a chunk in which the grains respond, and set the sampling of the box.
+
+    Parameters
+    ----------
+    box : the grains
+    d50 : median diameter by mass, m
+    """
     duration = RESPONSE_TIME * box.material.rayleigh_time_step(d50 / 2)
     box.sample_every(max(1, round(duration / box.time_step / 5)))
     return box.whole_chunk(duration / box.time_step)
@@ -234,48 +261,49 @@ def settle(
     Parameters
     ----------
     box : the grains, near or below the pressure
-    pressure : Pa
-    d50 : m
-    bulk_modulus : tangent K at the pressure, roughly, Pa
+    pressure : mean stress, Pa
+    d50 : median diameter by mass, m
+    bulk_modulus : estimate of the tangent K at the pressure, Pa
     steps : of a chunk, from `response_steps`
 
     Returns
     -------
-    stress : (6,), Pa, mean of the last calm chunks
+    stress : (6,), Pa, mean over the last chunks, in which the stress was within its tolerance
 
     Raises
     ------
-    SimulationFailure : the state is not reached
+    SimulationFailure
+        If the state is not reached.
     """
     rate = rate_at(COMPRESSION_INERTIAL_NUMBER, d50, box.material.density, pressure)
     duration = steps * box.time_step
     largest = min(rate * duration, LARGEST_STRESS_STEP * pressure / (3 * bulk_modulus))
     servo = StressServo(np.eye(3), np.eye(3), GAINS)
     increment = np.zeros(3)
-    calm: list[np.ndarray] = []
+    settled: list[np.ndarray] = []
     for number in range(MOST_CHUNKS):
         stress = box.strain(increment, steps)
         error = pressure - stress[:3]
-        # Grains that rattle without friction lose their energy very slowly.
+        # Loose grains without friction lose their energy very slowly.
         since_stop = number % QUENCH_CHUNKS
         if since_stop == 0:
             box.stop_grains()
         if np.max(np.abs(error)) < STRESS_TOLERANCE * pressure:
-            calm.append(stress)
+            settled.append(stress)
             quiet = box.kinetic_energy() < ENERGY_TOLERANCE * pressure * box.volume
-            if len(calm) >= CALM_CHUNKS and since_stop >= CALM_CHUNKS and quiet:
-                return np.mean(calm[-CALM_CHUNKS:], axis=0)
+            if len(settled) >= SETTLED_CHUNKS and since_stop >= SETTLED_CHUNKS and quiet:
+                return np.mean(settled[-SETTLED_CHUNKS:], axis=0)
         else:
-            calm.clear()
+            settled.clear()
         rates = servo.rates(error, np.zeros(3), bulk_modulus, duration, largest / duration)
         increment = np.clip(rates * duration, -largest, largest)
     raise SimulationFailure(
-        f"the stress of {pressure:g} Pa was not settled in {MOST_CHUNKS} chunks; see {box.log_path}"
+        f"the stress did not settle at {pressure:g} Pa in {MOST_CHUNKS} chunks; see {box.log_path}"
     )
 
 
 def probe_bulk_modulus(box: GrainBox, steps: int) -> float:
-    """Return the tangent bulk modulus K in Pa by a small isotropic compression."""
+    """Return the tangent bulk modulus K, Pa, measured by a small isotropic compression."""
     before = box.strain(np.zeros(3), steps)[:3].mean()
     box.strain(np.full(3, PROBE_STRAIN / 3), steps)
     after = box.strain(np.zeros(3), steps)[:3].mean()

@@ -1,8 +1,8 @@
-"""From the series that a driver leaves to the record of a test, held to the dataset's limits.
+"""From the measurements during a test to its record, and the limits of the dataset.
 
-A driver knows stress as averages over chunks, and geometry at the records, where chunks end. Here
-every record gets its row: the geometry as it is, the stress between two averages, the inertial
-number of the chunks since the record before. Nothing here touches the engine.
+The stress is measured as averages over chunks, and the geometry at the records, where chunks end.
+Every record has a row with the geometry, the stress interpolated between two averages, and the
+largest inertial number of the chunks since the last record.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from granbench.paths import LoadingProgramme
 Floats = NDArray[np.float64]
 
 LARGEST_INERTIAL_NUMBER = 2.5e-3
-"""Quasi-static bound of Eq 2.6."""
+"""Quasi-static limit of Eq 2.6."""
 
 LARGEST_SERVO_ERROR = 0.01
 SERVO_START = 2e-3
-"""Driving strain after which the RMS of the servo error counts."""
+"""Driving strain after which chunks count for the RMS of the servo error."""
 
 LARGEST_RATIO_ERROR = 0.02
 RATIO_START = 1e-2
-"""Driving strain after which the RMS of the error of b counts."""
+"""Driving strain after which chunks count for the RMS of the error of b."""
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """A driven piece of the path.
+    """A piece of the path, between two decisions of the servo.
 
     Parameters
     ----------
     start, end : driving lengths
     stress : (6,), Pa, compression positive, full order, averaged over the chunk
-    inertial_number : I of Eq 2.6 with the chunk's rate and mean stress
+    inertial_number : I of Eq 2.6, from the rate and the mean stress of the chunk
     steps : time steps
     """
 
@@ -51,13 +51,20 @@ class Chunk:
 
     @property
     def middle(self) -> float:
-        """Driving length that the average stress stands for."""
+        """Driving length to which the average stress belongs."""
         return 0.5 * (self.start + self.end)
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The geometry at a record: logarithmic strain (3,), void ratio, contacts."""
+    """The geometry at a record.
+
+    Parameters
+    ----------
+    strain : (3,), logarithmic, compression positive
+    void_ratio : dimensionless
+    contacts : between the grains
+    """
 
     strain: Floats
     void_ratio: float
@@ -66,15 +73,15 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class DrivenSeries:
-    """What a driver leaves of one test.
+    """The measurements during one test.
 
     Parameters
     ----------
-    positions : (record,), driving lengths of the records, the initial state's 0 included
-    snapshots : one a record
+    positions : (record,), driving lengths of the records, with 0 for the initial state
+    snapshots : one for each record
     initial_stress : (6,), Pa, average over a chunk at rest before the path
-    chunks : from the first record to the last; every record is the end of one
-    beyond : chunks after the last record, so that its stress too lies between two averages
+    chunks : from the first record to the last; every record is at the end of one
+    beyond : chunks after the last record, so that its stress also lies between two averages
     """
 
     positions: Floats
@@ -85,18 +92,18 @@ class DrivenSeries:
 
 
 class QualityError(SimulationFailure):
-    """A simulation ran, but what it gave does not meet the limits of the dataset."""
+    """A test was completed, but exceeds a limit of the dataset."""
 
 
 @dataclass(frozen=True)
 class TestRecord:
-    """What one test gave; rows are the initial state and every record.
+    """The record of one test; rows are the initial state and every recorded state.
 
     Strain and stress are compression positive; components 11, 22, 33 for strain and the full
     order (xx, yy, zz, yz, xz, xy) for stress and fabric, with x = 11 axial. The stress is
-    interpolated to the record's strain between the averages over the chunk that ends and the chunk
-    that begins there, so it is smoothed over about 1e-3 of strain and does not lag. The geometric
-    figures are those at the record.
+    interpolated to the strain of the record between the averages over the chunk that ends and the
+    chunk that begins there: it is smoothed over about 1e-3 of strain and does not lag. The geometry
+    is that of the recorded moment.
 
     Parameters
     ----------
@@ -105,11 +112,11 @@ class TestRecord:
     stress : (record, 6), Pa
     void_ratio, coordination_number : (record,)
     fabric : (record, 6), trace 1
-    inertial_number : (record,), largest of the chunks since the record before
-    servo_error : (record,), relative error of the held stress
-    stress_ratio_error : (record,), error of b; NaN where none is held
+    inertial_number : (record,), largest of the chunks since the last record
+    servo_error : (record,), relative error of the controlled stress
+    stress_ratio_error : (record,), error of b; NaN if b is not controlled
     servo_error_rms : over all chunks after 0.2 % of driving strain
-    stress_ratio_error_rms : over all chunks after 1 %; NaN where no b is held
+    stress_ratio_error_rms : over all chunks after 1 %; NaN if b is not controlled
     peak_inertial_number : largest of all chunks
     steps : time steps
     """
@@ -131,29 +138,29 @@ class TestRecord:
     steps: int
 
 
-def assemble(programme: LoadingProgramme, series: DrivenSeries) -> TestRecord:
-    """Return the record of a driven programme, whatever its quality.
+def record_of(programme: LoadingProgramme, series: DrivenSeries) -> TestRecord:
+    """Return the record of a test; its quality is not checked.
 
     Parameters
     ----------
-    programme : what was prescribed
-    series : what the driver left
+    programme : strains and stresses that were prescribed
+    series : measurements during the test
     """
     positions, snapshots, chunks = series.positions, series.snapshots, series.chunks
     driven = [*chunks, *series.beyond]
     nodes = np.array([0.0, *(chunk.middle for chunk in driven)])
     averages = np.array([series.initial_stress, *(chunk.stress for chunk in driven)])
     stress = np.stack([np.interp(positions, nodes, c) for c in averages.T], axis=1)
-    # How well the path was held is judged where averages stand for something: at the middles.
-    held = [
+    # Errors of the control are taken at the middles of chunks, to which the averages belong.
+    errors = [
         (c.middle, programme.stress_error(c.stress[:3], c.middle),
          programme.stress_ratio_error(c.stress[:3]))
         for c in chunks
     ]  # fmt: skip
-    at, error, ratio_error = np.array(held).T
+    at, error, ratio_error = np.array(errors).T
     numbers = np.array([c.inertial_number for c in chunks])
     ends = np.array([c.end for c in chunks])
-    # A chunk belongs to the record that it leads to; one that ends there does so but for rounding.
+    # A chunk belongs to the record that it leads to; it may end there up to rounding.
     owner = np.searchsorted(positions, ends - 1e-12)
     return TestRecord(
         path_position=positions,
@@ -175,25 +182,31 @@ def assemble(programme: LoadingProgramme, series: DrivenSeries) -> TestRecord:
 
 
 def require_quality(record: TestRecord) -> None:
-    """Raise QualityError if a record breaks a limit of the dataset."""
+    """Check a record against the limits of the dataset.
+
+    Raises
+    ------
+    QualityError
+        If a limit is exceeded; the text names it.
+    """
     principal = np.linalg.eigvalsh(stress_tensor(record.stress))
-    broken = []
+    exceeded = []
     if record.servo_error_rms > LARGEST_SERVO_ERROR:
-        broken.append(f"servo error {record.servo_error_rms:.3%} RMS > {LARGEST_SERVO_ERROR:.0%}")
+        exceeded.append(f"servo error {record.servo_error_rms:.3%} RMS > {LARGEST_SERVO_ERROR:.0%}")
     if record.stress_ratio_error_rms > LARGEST_RATIO_ERROR:
-        broken.append(f"error of b {record.stress_ratio_error_rms:.4f} > {LARGEST_RATIO_ERROR}")
+        exceeded.append(f"error of b {record.stress_ratio_error_rms:.4f} > {LARGEST_RATIO_ERROR}")
     if record.peak_inertial_number > LARGEST_INERTIAL_NUMBER:
-        broken.append(
+        exceeded.append(
             f"inertial number {record.peak_inertial_number:.2e} > {LARGEST_INERTIAL_NUMBER:.1e}"
         )
     if not principal.min() > 0:
-        broken.append(f"a principal stress of {principal.min():.3g} Pa is tensile")
-    if broken:
-        raise QualityError("the test misses the dataset's limits: " + "; ".join(broken))
+        exceeded.append(f"a principal stress of {principal.min():.3g} Pa is tensile")
+    if exceeded:
+        raise QualityError("the test exceeds limits of the dataset: " + "; ".join(exceeded))
 
 
 def stress_tensor(components: Floats) -> Floats:
-    """Return the symmetric tensors (..., 3, 3) of components (..., 6) in the full order."""
+    """Return the symmetric tensors, (..., 3, 3), of components in the full order, (..., 6)."""
     return components[..., [[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
 
 

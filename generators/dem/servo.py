@@ -1,8 +1,8 @@
 """The servo that finds the free strain rates of a stress-controlled test.
 
-Each chunk of straining ends with an averaged stress. The error of the controlled stresses is
-turned into a strain by an isotropic elastic guess, a fraction of which is made up in the next
-chunk; an integral part learns the steady rate (dilatancy) that the path needs.
+Each chunk ends with its average stress. An estimate of the isotropic elastic stiffness converts the
+error of the controlled stresses to a strain, and a fraction of this strain is added in the next
+chunk. An integral part adapts to the steady rate (dilatancy) that the path needs.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ class ServoGains:
 
     Parameters
     ----------
-    proportional : share of the elastic strain error made up in one chunk
-    integral : share of it added to the steady rate
-    integral_limit, rate_limit : bounds of the steady and of the whole rate, as multiples of the
-        driving rate; a dense packing at b = 1 needs a minor rate of over 3
+    proportional : fraction of the elastic strain error that is corrected in one chunk
+    integral : fraction of it that is added to the steady rate
+    integral_limit, rate_limit : bounds of the steady and of the total rate, as multiples of the
+        driving rate; a dense packing at b = 1 needs a minor strain rate of more than 3
     """
 
     proportional: float = 0.375
@@ -37,12 +37,13 @@ class ServoGains:
 
 @dataclass
 class StressServo:
-    """Proportional-integral control of k stress combinations by k strain rates.
+    """Proportional-integral control of some combinations of stresses by as many strain rates.
 
     Parameters
     ----------
-    free_directions : (3, control), principal strain that each free rate gives
-    controlled_stresses : (control, 3), rows that give the controlled combinations
+    free_directions : (3, control), principal strain rates for a unit of each free rate
+    controlled_stresses : (control, 3), rows with the coefficients of the controlled combinations
+    gains : of the control
     """
 
     free_directions: Floats
@@ -60,13 +61,13 @@ class StressServo:
         duration: float,
         driving_rate: float,
     ) -> Floats:
-        """Return the free rates for the next chunk and learn from the last one.
+        """Return the free rates for the next chunk, and adapt the steady rates.
 
         Parameters
         ----------
-        error : (control,), target less measured combinations, Pa
-        change : (control,), change of the targets in the next chunk, Pa; it is fed forward whole
-        bulk_modulus : tangent bulk modulus K now, Pa; G = 0.6 K
+        error : (control,), target minus measured combinations, Pa
+        change : (control,), change of the targets in the next chunk, Pa; fully fed forward
+        bulk_modulus : present tangent bulk modulus K, Pa; G = 0.6 K
         duration : of a chunk, s
         driving_rate : magnitude of the prescribed rate, 1/s
 
@@ -84,7 +85,7 @@ class StressServo:
         return np.clip(self._steady + gains.proportional * rate + ahead, -bound, bound)
 
     def rescale(self, factor: float) -> None:
-        """Multiply the learnt rates as the driving rate is: by -1 where it turns round."""
+        """Multiply the steady rates by a factor, such as -1 where the driving rate is reversed."""
         self._steady = self._steady * factor
 
 

@@ -1,26 +1,27 @@
-"""One stress-controlled test of a prepared specimen, driven interval by interval of its servo.
+"""One stress-controlled test of a prepared specimen.
 
-An interval, here a chunk, takes the test from a driving length s to s' in n time steps:
+The test is driven in chunks, one for each interval of the servo. A chunk takes it from a driving
+length s to s' in n time steps:
 
                      s ........ middle ........ s' ....... middle' .......
     time step        0  1  2  ...               n  1  2  ...
-    sampled             .     .     .     .     .     .     the virial, some SAMPLES_A_CHUNK times
-    known                                       *  mean stress of the chunk that ends, which stands
-                                                   for its middle; edges and contacts at s'
+    sampled             .     .     .     .     .     .     the virial, SAMPLES_PER_CHUNK times
+    known                                       *  mean stress of the chunk that ends, assigned to
+                                                   its middle; edges and contacts at s'
     decided                                     *  driving rate and free rates of the next chunk
-    commanded        *                          *  whole strain of the chunk that begins: speeds of
+    commanded        *                          *  total strain of the chunk that begins: speeds of
                                                    the edges, affine velocities of the grains
 
-The driven strain of a chunk is the programme's, known in advance. From the mean stress follow the
-driving rate of the next chunk, which holds the inertial number at that p, and its free rates,
-which answer the error at the middle and the targets' change from there to the next middle: the
-servo lags by one chunk. A record is taken at some s'. Its geometry is that of the moment; its
-stress lies between two middles, so it needs the chunk that begins there too
+The programme prescribes the driven strain of a chunk. The mean stress determines the driving rate
+of the next chunk, which keeps the inertial number at that p, and its free rates, which correct the
+error at the middle and follow the change of the targets from there to the next middle: the servo
+lags by one chunk. A record is taken at some s'. Its geometry is that of the moment; its stress lies
+between two middles, so that the chunk that begins there is needed as well
 (`granbench.generators.dem.recording`).
 
-The edges in the engine are one time step ahead of the grains (`GrainBox.strain`): those that the
-grains meet in step k are put in place at the end of step k - 1, and those of step 1 still by the
-chunk before. `GrainBox.lengths` are the grains' edges, not the engine's.
+The edges in LIGGGHTS are one time step ahead of the grains (`GrainBox.strain`): the edges for the
+forces of step k are set at the end of step k - 1, and those for step 1 by the last chunk.
+`GrainBox.lengths` are the edges that the forces see, not those in LIGGGHTS.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ from granbench.generators.dem.recording import (
     QualityError,
     Snapshot,
     TestRecord,
-    assemble,
+    record_of,
     require_quality,
 )
 from granbench.generators.dem.servo import StressServo
@@ -50,17 +51,17 @@ from granbench.paths import LoadingProgramme
 Floats = NDArray[np.float64]
 
 INERTIAL_NUMBER = 2.4e-3
-"""What is driven at: a little below the dataset's bound, as p changes in a chunk."""
+"""Target of the driving rate: slightly below the limit of the dataset, as p changes in a chunk."""
 
 LONGEST_CHUNK = 5e-4
 SHORTEST_CHUNK = 1e-4
-CHUNKS_A_RECORD = 3
+CHUNKS_PER_RECORD = 3
 CHUNK_STRESS_STEP = 0.012
-"""Elastic stress change K d(eps) / p in a chunk: stiff packings need shorter chunks."""
+"""Elastic stress change K d(eps) / p in a chunk; stiff packings need shorter chunks."""
 
-FEWEST_STEPS_A_CHUNK = 4
+FEWEST_STEPS_PER_CHUNK = 4
 
-SAMPLES_A_CHUNK = 5
+SAMPLES_PER_CHUNK = 5
 
 
 def run_test(
@@ -69,24 +70,27 @@ def run_test(
     log_path: Path,
     records: int = 240,
 ) -> TestRecord:
-    """Run a loading programme from its prepared state; to be called in a process of its own.
+    """Run a loading programme from its prepared state; call it in a new process.
 
     Parameters
     ----------
     specimen : prepared at the programme's pressure
-    programme : what is prescribed
-    log_path : LIGGGHTS' log
-    records : recorded states after the initial one, at equal driving lengths
+    programme : strains and stresses that are prescribed
+    log_path : log of LIGGGHTS
+    records : number of recorded states after the initial one, at equal driving lengths
 
     Returns
     -------
-    record : TestRecord with records + 1 rows
+    Record of the test with `records` + 1 rows
 
     Raises
     ------
-    QualityError : a limit of the dataset is broken; the text says which and by how much
-    EngineError : the engine is missing
-    SimulationFailure : grains were lost
+    QualityError
+        If a limit of the dataset is exceeded; the text names it.
+    EngineError
+        If LIGGGHTS is missing.
+    SimulationFailure
+        If grains were lost.
     """
     state = specimen.state(programme.pressure)
     box = GrainBox.from_restart(
@@ -97,13 +101,13 @@ def run_test(
     driver = _Driver(box, specimen.d50, state.bulk_modulus, programme, positions[1])
     series = _driven(driver, positions)
     box.close()
-    record = assemble(programme, series)
+    record = record_of(programme, series)
     require_quality(record)
     return record
 
 
 def _driven(driver: _Driver, positions: Floats) -> DrivenSeries:
-    """Drive from record to record, and a little beyond the last."""
+    """Drive from record to record, and one chunk beyond the last."""
     # Contacts can be read only after a first run.
     initial = driver.hold()
     snapshots = [driver.snapshot()]
@@ -111,7 +115,7 @@ def _driven(driver: _Driver, positions: Floats) -> DrivenSeries:
     for start, end in itertools.pairwise(positions):
         chunks += driver.drive(start, end)
         snapshots.append(driver.snapshot())
-    # One chunk beyond the end, so that the last record is an interpolation too.
+    # One chunk beyond the end, so that the last stress is interpolated as well.
     beyond = driver.drive(positions[-1], positions[-1] + chunks[-1].end - chunks[-1].start)
     return DrivenSeries(positions, snapshots, initial, chunks, beyond)
 
@@ -138,13 +142,13 @@ class _Driver:
         self._rates = np.zeros(programme.free_directions.shape[1])
         stiffness = bulk_modulus / programme.pressure
         a_step = self._driving_rate() * box.time_step
-        longest = min(LONGEST_CHUNK, record_length / CHUNKS_A_RECORD)
+        longest = min(LONGEST_CHUNK, record_length / CHUNKS_PER_RECORD)
         chunk = min(max(CHUNK_STRESS_STEP / stiffness, SHORTEST_CHUNK), longest)
-        self._chunk = max(chunk, FEWEST_STEPS_A_CHUNK * a_step)
-        box.sample_every(max(1, int(self._chunk / a_step / SAMPLES_A_CHUNK)))
+        self._chunk = max(chunk, FEWEST_STEPS_PER_CHUNK * a_step)
+        box.sample_every(max(1, int(self._chunk / a_step / SAMPLES_PER_CHUNK)))
 
     def hold(self) -> Floats:
-        """Return the stress (6,) of the box at rest."""
+        """Return the stress of the box at rest, (6,), Pa."""
         steps = self._box.whole_chunk(self._chunk / self._driving_rate() / self._box.time_step)
         return self._box.strain(np.zeros(3), steps)
 
@@ -176,8 +180,8 @@ class _Driver:
         self._mean_stress = float(stress[:3].mean())
         rate = (end - start) / duration
         if not self._mean_stress > 0:
-            raise QualityError(f"the mean stress vanished at a driving strain of {end:.4f}")
-        # The tangent stiffness of contacts grows about with the root of p.
+            raise QualityError(f"the mean stress is not positive at a driving strain of {end:.4f}")
+        # The tangent stiffness of contacts grows roughly as the square root of p.
         modulus = self._modulus * math.sqrt(self._mean_stress / programme.pressure)
         middle = 0.5 * (start + end)
         error = programme.targets(middle) - programme.controlled_stresses @ stress[:3]

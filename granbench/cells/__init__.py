@@ -1,4 +1,4 @@
-"""The material cell: the one contract of models, networks and particle specimens."""
+"""The material cell: the one interface of classical models, networks and particle specimens."""
 
 from granbench.cells.check import check_cell
 from granbench.cells.contract import (
@@ -9,8 +9,10 @@ from granbench.cells.contract import (
     Rollout,
     StateLayout,
 )
+from granbench.cells.wrapper import CellWrapper
 
 __all__ = [
+    "CellWrapper",
     "Conditions",
     "History",
     "MaterialCell",

@@ -1,12 +1,11 @@
 """Reference models: what each offers, and how they are found by name.
 
 A package registers a model under the entry-point group `granbench.baselines`; this module
-knows none of them. What else a user may name as a model is known to `granbench.cells.find`.
+holds no list of them. `granbench.cells.find` finds every kind of model that a user may name.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Protocol
 
@@ -14,22 +13,23 @@ import xarray as xr
 
 from granbench.cells.contract import MaterialCell
 from granbench.errors import ModelError, alternatives
+from granbench.registration import Registry
 
 ENTRY_POINTS = "granbench.baselines"
 DESCRIPTION_FILE = "model.json"
-"""In the folder of every trained model; its key `baseline` names the architecture."""
+"""File in the folder of every trained model; its key `baseline` names the architecture."""
 
 
 @dataclass(frozen=True)
 class EpochReport:
-    """What one epoch of a training run did.
+    """The results of one epoch of a training run.
 
     Parameters
     ----------
     epoch : number of epochs done
     seconds : of training so far, over all sessions of the run
-    training_loss : mean over the epoch's batches, while the weights moved
-    validation_loss : of the weights at the epoch's end
+    training_loss : mean over the epoch's batches, whose weights change from one to the next
+    validation_loss : of the weights at the end of the epoch
     best_loss : lowest validation loss so far
     learning_rate : of this epoch
     progress : share of the run that is over, in [0, 1]
@@ -46,15 +46,15 @@ class EpochReport:
 
 @dataclass(frozen=True)
 class TrainingRequest:
-    """What to train on, where the run lives, and when it ends.
+    """What to train on, the folder of the run, and when it ends.
 
     Parameters
     ----------
-    records : the whole dataset; training and validation splits are chosen by the baseline
-    out : folder of the run; one that was begun is continued
-    seed : of the first weights and of the order of the items
+    records : the whole dataset; the baseline chooses the training and validation splits from it
+    out : folder of the run; a run that was begun there is continued
+    seed : of the first weights and of the order of the training items
     preset : a name in `Baseline.presets`; the first of them where None
-    epochs : in place of the preset's
+    epochs : how many at most, in place of the preset's
     seconds : of training over all sessions; None for no limit
     device : of torch, such as `cpu` or `cuda`
     on_epoch : called after every epoch
@@ -79,7 +79,8 @@ class Baseline(Protocol):
     title : for people
     presets : names of its training settings, the default first; empty where nothing is trained
 
-    One with a true attribute `floor` frames the tables of the board, and is not ranked.
+    One with a true attribute `floor` is a reference line in the tables of the board and is not
+    ranked.
     """
 
     @property
@@ -120,20 +121,23 @@ class Baseline(Protocol):
         """
 
 
+BASELINES: Registry[Baseline] = Registry(ENTRY_POINTS, "baseline")
+"""Every registered reference model."""
+
+
 def baseline_names() -> list[str]:
-    """Names of the registered models, sorted."""
-    return sorted({point.name for point in entry_points(group=ENTRY_POINTS)})
+    """Names of the registered reference models, sorted."""
+    return list(BASELINES)
 
 
 def find_baseline(name: str) -> Baseline:
-    """The registered model `name`.
+    """The registered reference model `name`.
 
     Raises
     ------
     ModelError
         If there is none of this name.
     """
-    for point in entry_points(group=ENTRY_POINTS):
-        if point.name == name:
-            return point.load()
-    raise ModelError(f"unknown baseline {name!r}: {alternatives(name, baseline_names())}")
+    if name in BASELINES:
+        return BASELINES[name]
+    raise ModelError(f"unknown baseline {name!r}: {alternatives(name, BASELINES)}")

@@ -1,4 +1,4 @@
-"""Tangents from differences of a cell's own answers."""
+"""Tangents from finite differences of a cell's own stresses."""
 
 from collections.abc import Callable
 
@@ -7,8 +7,8 @@ from torch import Tensor
 
 SHARE = 1e-3
 LEAST = {torch.float64: 1e-8, torch.float32: 1e-5}
-"""Strain of a difference: a share of the increment, but no less, so that the change of stress
-stands out of the rounding of the cell's floating type."""
+"""Strain of a difference: a share of the increment, and at least so much, so that the change of
+stress is larger than the rounding of the cell's floating type."""
 COARSEST = 1e-3
 """The least strain for a type of fewer digits."""
 

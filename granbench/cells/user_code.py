@@ -1,4 +1,4 @@
-"""Code of a user's own: how its failures are reported, and what it may not do to a command."""
+"""Calls of user code: how its failures are reported, and where its printed output goes."""
 
 import sys
 import sysconfig
@@ -18,17 +18,16 @@ LIBRARIES = {
     "pydantic", "rich", "safetensors", "scipy", "skfem", "torch", "torchgen", "typer", "click",
     "xarray", "yaml",
 }  # fmt: skip
-"""Packages beneath a user's code; a line in one of them does not say what to change."""
+"""Packages that user code calls; a line in one of them does not show what to change."""
 
 STANDARD_LIBRARY = Path(sysconfig.get_paths()["stdlib"])
 
 
 @contextmanager
 def user_code(what: str, remedy: str = "fix the model") -> Iterator[None]:
-    """Report whatever user code raises as one sentence, with the line of the user's own file.
+    """Report any exception of user code in one sentence, with the line of the user's own file.
 
-    What the code prints goes to standard error, so that the output of a command stays what the
-    command says.
+    What the code prints goes to standard error, so that it does not mix with a command's output.
 
     Parameters
     ----------
@@ -52,8 +51,8 @@ def user_code(what: str, remedy: str = "fix the model") -> Iterator[None]:
 def failure_location(error: BaseException) -> str:
     """What was raised, and in which line: ``with ValueError (boom) at my_model.py line 16``.
 
-    The line is the last one of the user's own code where there is one: of a network that is given
-    a wrong shape, torch would name a line of its own.
+    The line is the last one of the user's own code where there is one, not a line of torch, as
+    where a network is given a wrong shape.
     """
     if isinstance(error, SyntaxError) and error.filename is not None:
         text, file, line = str(error.msg), error.filename, error.lineno or 1
@@ -65,7 +64,7 @@ def failure_location(error: BaseException) -> str:
 
 
 def _text_of(error: BaseException) -> str:
-    """The exception's own words in one printable line, cut where they are long."""
+    """The exception's text in one printable line, cut where it is long."""
     try:
         words = str(error)
     except Exception:
@@ -85,7 +84,7 @@ def _place(error: BaseException) -> tuple[str, int]:
         return "an unknown file", 0
     outside = [frame for frame in frames if not _of_library(*frame)]
     in_folder = [frame for frame in outside if not INSTALLED & set(Path(frame[0]).parts)]
-    # Of packages that are installed, the first one is the user's, the others are called by it.
+    # Of installed packages the first is the user's; it calls the others.
     in_package = [frame for frame in outside if frame[2] == outside[0][2]]
     file, line, _ = (in_folder or in_package or frames)[-1]
     return file, line

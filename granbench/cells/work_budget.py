@@ -1,8 +1,8 @@
-"""A bound on the work of a computation whose cost nobody knows before.
+"""A bound on the work of a computation whose cost is not known in advance.
 
-How many substeps a stress update takes depends on the model, the state and the increment. Whoever
-promises an answer in bounded time opens a budget; the loops that may go on for long spend from
-it. The count is the same on every machine, unlike a limit on seconds.
+How many substeps a stress update takes depends on the model, the state and the increment. A caller
+that must end in bounded time opens a budget; loops that may run for long spend from it. The count
+is the same on every machine, unlike a limit on seconds.
 """
 
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from granbench.errors import GranbenchError
 
 
 class WorkExceeded(GranbenchError):
-    """The budget is spent; raised out of whatever was under way."""
+    """The work budget is spent; the computation that was running stops here."""
 
 
 class WorkBudget:
@@ -38,7 +38,7 @@ class WorkBudget:
         """
         self.spent += 1
         if self.spent > self.limit:
-            raise WorkExceeded(f"more than {self.limit:g} units of work are needed")
+            raise WorkExceeded(f"the work exceeds its budget of {self.limit:g} units")
 
 
 _current: ContextVar[WorkBudget | None] = ContextVar("work budget", default=None)
@@ -46,7 +46,7 @@ _current: ContextVar[WorkBudget | None] = ContextVar("work budget", default=None
 
 @contextmanager
 def work_budget(limit: float) -> Iterator[WorkBudget]:
-    """Bound the work within the block."""
+    """Limit the work within the block to so many units."""
     budget = WorkBudget(limit)
     token = _current.set(budget)
     try:
@@ -56,7 +56,7 @@ def work_budget(limit: float) -> Iterator[WorkBudget]:
 
 
 def spend() -> None:
-    """Count one unit of work, where a budget is open.
+    """Count one unit of work, if a budget is open.
 
     Raises
     ------

@@ -27,6 +27,7 @@ from granbench.cli import (
 )
 from granbench.cli.generated_help import CommandWithNames
 from granbench.cli.printing import note
+from granbench.cli.setting_options import option_text
 from granbench.cli.streams import flush_streams, prepare_streams
 from granbench.cli.termination import INTERRUPTED
 from granbench.errors import GranbenchError
@@ -95,7 +96,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     try:
         code = app(words, prog_name="granbench", standalone_mode=False)
     except GranbenchError as error:
-        _fail(str(error))
+        _fail(error.spelled(option_text))
     except typer.Abort:
         code = INTERRUPTED
     except Exception as error:

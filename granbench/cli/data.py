@@ -1,23 +1,19 @@
 """`granbench data`: list, info, fetch, verify and plot datasets."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 from rich.table import Table
 
 from granbench.cli.data_tables import print_summary
 from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.cli.pictures import drawing_errors
 from granbench.cli.printing import print_json, say, show
+from granbench.cli.progress import progress_bar
 from granbench.cli.termination import stopped_by_sigterm
 
 if TYPE_CHECKING:
-    from granbench.data.download import Progress as OnProgress
     from granbench.data.registry import RegistryEntry
 
 app = typer.Typer(
@@ -27,22 +23,6 @@ app = typer.Typer(
 Source = Annotated[str, typer.Argument(metavar="NAME|FILE", help="Dataset name or netCDF file.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-
-
-@contextmanager
-def _download_bar(quiet: bool = False) -> Iterator["OnProgress"]:
-    """A bar on the terminal's stderr that appears with the first bytes."""
-    console = Console(stderr=True)
-    columns = (TextColumn("fetching"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
-    hidden = quiet or not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
-
-        def advance(done: int, total: int) -> None:
-            if not bar.task_ids:
-                bar.add_task("fetch", total=total)
-            bar.update(bar.task_ids[0], completed=done, total=total)
-
-        yield advance
 
 
 @app.command("list")
@@ -86,8 +66,8 @@ def info(
     from granbench.data.summary import listed_paths, summarise_file
     from granbench.data.verification import read_as_trusted
 
-    with _download_bar() as progress:
-        file = file_of(source, progress)
+    with progress_bar("fetching", shown="bytes") as bar:
+        file = file_of(source, bar.move)
     if paths:
         rows = read_as_trusted(file, listed_paths)
         if as_json:
@@ -107,12 +87,12 @@ def info(
 def fetch(
     name: Annotated[str, typer.Argument(help="Dataset name; NAME@VERSION for an older version.")],
     dest: Annotated[
-        Path | None, typer.Option("--dest", help="Folder to put it into.", file_okay=True)
+        Path | None, typer.Option("--dest", help="Folder for the file.", file_okay=True)
     ] = None,
     make: Annotated[
         bool,
         typer.Option(
-            "--make", help="Make a dataset here that no mirror gives, if that takes minutes."
+            "--make", help="Make the dataset here if no mirror provides it and that takes minutes."
         ),
     ] = False,
     as_json: Json = False,
@@ -120,16 +100,16 @@ def fetch(
 ) -> None:
     """Fetch a dataset from the nearest mirror and check it against the registry.
 
-    One that no mirror gives is made on this machine if that takes seconds; with --make, also if
-    it takes minutes.
+    If no mirror provides it, it is made on this machine if that takes seconds; with --make, also
+    if it takes minutes.
     """
     from granbench.data.store import bring, dataset_file
 
-    with stopped_by_sigterm(), _download_bar(quiet) as progress:
+    with stopped_by_sigterm(), progress_bar("fetching", shown="bytes", hidden=quiet) as bar:
         if dest:
-            file = bring(name, dest, progress, minutes=make)
+            file = bring(name, dest, bar.move, minutes=make)
         else:
-            file = dataset_file(name, progress, minutes=make)
+            file = dataset_file(name, bar.move, minutes=make)
     if as_json:
         print_json({"name": name, "file": str(file)})
     elif not quiet:
@@ -142,8 +122,8 @@ def verify(source: Source, as_json: Json = False, quiet: Quiet = False) -> None:
     from granbench.data.store import file_of
     from granbench.data.verification import verify_file
 
-    with _download_bar(quiet) as progress:
-        file = file_of(source, progress)
+    with progress_bar("fetching", shown="bytes", hidden=quiet) as bar:
+        file = file_of(source, bar.move)
     entry = verify_file(file)
     if as_json:
         registered = f"{entry.id}@{entry.version}" if entry else None
@@ -152,8 +132,8 @@ def verify(source: Source, as_json: Json = False, quiet: Quiet = False) -> None:
         known = (
             f"is {entry.id} {entry.version} of the registry, and its attributes agree with it too"
             if entry
-            else "is not registered, so that nothing vouches for who made it, its ground truth, "
-            "its licence or any other attribute but its configuration"
+            else "is not registered, so its ground truth, its licence and its other attributes, "
+            "except its configuration, cannot be verified"
         )
         say(f"{file}: every variable agrees with its hash; the dataset {known}")
 
@@ -179,8 +159,8 @@ def plot(
         figure_format(out)
         require_writable("--out", out)
         refuse_overwriting(out, "NAME|FILE", Path(source))
-    with _download_bar(quiet) as progress:
-        file = file_of(source, progress)
+    with progress_bar("fetching", shown="bytes", hidden=quiet) as bar:
+        file = file_of(source, bar.move)
     picture = out or Path(f"{file.stem}.png")
     with drawing_errors(picture):
         read_as_trusted(file, draw_file, picture, path or None)
@@ -195,7 +175,7 @@ def register(
     title: Annotated[str, typer.Option(help="One line for listings.")],
     command: Annotated[str, typer.Option(help="The command that made it.")],
     seconds: Annotated[
-        float | None, typer.Option(help="How long the command takes, if anyone can run it.")
+        float | None, typer.Option(help="Duration of the command, if anyone can run it.")
     ] = None,
     tier: Annotated[str, typer.Option(help="mini, core or paper.")] = "core",
     mirror: Annotated[list[str] | None, typer.Option(help="Folder or address.")] = None,
@@ -222,7 +202,7 @@ def mini(
     file: Annotated[Path, typer.Argument(help="The core dataset.")],
     replace: Annotated[bool, typer.Option(help="Before publication only.")] = False,
 ) -> None:
-    """For maintainers: cut the mini tier of a dataset into the package and register it."""
+    """For maintainers: write the mini tier of a dataset into the package and register it."""
     from granbench.data.publish import publish_mini
 
     entry = publish_mini(file, replace=replace)

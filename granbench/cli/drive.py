@@ -6,21 +6,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from granbench.cli.drive_options import AskedCourse, scalars_at_start
+from granbench.cli.model_options import one_model
 from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import print_json, say
-from granbench.cli.waiting import spoken_progress
+from granbench.cli.progress import progress_bar, progress_notes, shows_bar
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from granbench.cells.contract import MaterialCell
-    from granbench.element_test.driving import Answer
+    from granbench.element_test.driving import DriveResult
 
 MOST_STEPS = 1_000_000
 """Of a test; its records take some hundred megabytes then."""
@@ -103,8 +102,9 @@ def drive(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
 ) -> None:
     """Drive a model along a path, or through a standard test, and write its stresses."""
+    from granbench.element_test.driving import WorkLimitError
     from granbench.element_test.driving import drive as take
-    from granbench.element_test.start import ModelChoice, Start
+    from granbench.element_test.start import Start
     from granbench.units.quantity_text import pressure_from_text
 
     _check_targets(out, plot)
@@ -112,10 +112,12 @@ def drive(
                          ("--task", Path(task))):  # fmt: skip
         refuse_overwriting(out, option, file)
     asked = AskedCourse(path, control, strain, turning_points, steps, b, order)
-    choice = ModelChoice(model, parameter_set, params, task)
+    found = one_model(model, parameter_set, params, task)
     pressure = None if p0 is None else pressure_from_text("--p0 ", p0)
-    cell, course, state = asked.prepared(choice, Start(pressure, scalars_at_start(e0, ocr, start)))
-    points = len(course.control.driven)
+    cell, prescribed, state = asked.prepared(
+        found, Start(pressure, scalars_at_start(e0, ocr, start))
+    )
+    points = len(prescribed.control.driven)
     if out.suffix == ".csv" and points > 1:
         raise ConfigurationError(
             f"--out {out}: a CSV file holds one path, but {path} has {points}; end its name in .nc"
@@ -125,19 +127,24 @@ def drive(
         "parameters": _parameters(cell),
         "course": control or (path and path.name),
     }
-    with _bar(course.control.steps - 1, cell.name, quiet or as_json) as advance:
-        answer = take(
-            cell,
-            course,
-            state,
-            configuration=configuration,
-            tolerance=tolerance,
-            on_step=advance,
-            patience=patience,
-        )
+    with _progress(prescribed.control.steps - 1, cell.name, quiet or as_json) as advance:
+        try:
+            answer = take(
+                cell,
+                prescribed,
+                state,
+                configuration=configuration,
+                tolerance=tolerance,
+                on_step=advance,
+                work_factor=patience,
+            )
+        except WorkLimitError as error:
+            raise ConfigurationError(
+                f"{error}; --patience {10.0 * patience:g} allows ten times as much"
+            ) from error
     _write(answer, out)
     if plot is not None:
-        plot = draw_beside_results(plot, lambda: _figure(answer, cell.name, course.component))
+        plot = draw_beside_results(plot, lambda: _figure(answer, cell.name, prescribed.component))
     if as_json:
         print_json(_summary(answer, cell, out, plot))
     elif not quiet:
@@ -148,7 +155,7 @@ def drive(
             say(f"note: {tension}")
 
 
-def _figure(answer: "Answer", name: str, component: str | None) -> "Figure":
+def _figure(answer: "DriveResult", name: str, component: str | None) -> "Figure":
     from granbench.plotting.element_test import element_test_figure
 
     return element_test_figure(answer.records, name, component)
@@ -172,7 +179,7 @@ def _parameters(cell: "MaterialCell") -> dict[str, float] | None:
     return cell.values() if isinstance(cell, ClassicalCell) else None
 
 
-def _write(answer: "Answer", out: Path) -> None:
+def _write(answer: "DriveResult", out: Path) -> None:
     from granbench.paths.answer_files import write_answer
     from granbench.records import write_records
 
@@ -183,7 +190,7 @@ def _write(answer: "Answer", out: Path) -> None:
 
 
 def _summary(
-    answer: "Answer", cell: "MaterialCell", out: Path, plot: Path | None
+    answer: "DriveResult", cell: "MaterialCell", out: Path, plot: Path | None
 ) -> dict[str, object]:
     """What a program wants to know: files, size, and where each path ends."""
     from granbench.plotting.element_test import path_invariants
@@ -205,7 +212,7 @@ def _summary(
     }
 
 
-def _sentence(answer: "Answer", cell: "MaterialCell", out: Path) -> str:
+def _sentence(answer: "DriveResult", cell: "MaterialCell", out: Path) -> str:
     from granbench.plotting.element_test import path_invariants
 
     sizes = answer.records.sizes
@@ -221,21 +228,19 @@ def _sentence(answer: "Answer", cell: "MaterialCell", out: Path) -> str:
 
 
 @contextmanager
-def _bar(steps: int, name: str, hidden: bool) -> Iterator[Callable[[int], None]]:
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-    )  # fmt: skip
-    no_bar, done = hidden or not console.is_terminal, 0
+def _progress(steps: int, name: str, hidden: bool) -> Iterator[Callable[[int], None]]:
+    """Show how far the paths are, with a bar or, without a terminal, with notes."""
+    done = 0
 
-    def advance(step: int) -> None:
+    def move(step: int) -> None:
         nonlocal done
         done = step
-        progress.update(job, completed=step)
+        bar.move(step)
 
     with (
-        Progress(*columns, console=console, transient=True, disable=no_bar) as progress,
-        spoken_progress(lambda: f"driving {name}: {done} of {steps} steps", hidden or not no_bar),
+        progress_bar(f"driving {name}", steps, hidden=hidden) as bar,
+        progress_notes(
+            lambda: f"driving {name}: {done} of {steps} steps", hidden or shows_bar(hidden)
+        ),
     ):
-        job = progress.add_task(f"driving {name}", total=steps)
-        yield advance
+        yield move

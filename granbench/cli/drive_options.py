@@ -5,14 +5,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from granbench.cli.model_options import named_start_options
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from torch import Tensor
 
     from granbench.cells.contract import MaterialCell
-    from granbench.element_test.driving import Course
-    from granbench.element_test.start import ModelChoice, Start
+    from granbench.cells.find import FoundModel
+    from granbench.element_test.prescribed_path import PrescribedPath
+    from granbench.element_test.start import Start
     from granbench.paths.strain_files import PathTable
 
 DEFAULT_STRAIN = 0.2
@@ -40,8 +42,8 @@ class AskedCourse:
     order: str | None
 
     def prepared(
-        self, choice: "ModelChoice", start: "Start"
-    ) -> tuple["MaterialCell", "Course", "Tensor"]:
+        self, found: "FoundModel", start: "Start"
+    ) -> tuple["MaterialCell", "PrescribedPath", "Tensor"]:
         """The cell, what it is taken along, and its state (point, n_state) at the start.
 
         Raises
@@ -50,44 +52,47 @@ class AskedCourse:
             Naming the option, or file, row and column, that makes no sense or goes with no other.
         """
         if self.path is not None and self.path.suffix == ".nc":
-            return self._along_records(choice, start)
+            return self._along_records(found, start)
         from granbench.paths.strain_files import read_path
 
         table = None if self.path is None else read_path(self.path)
         if table is not None and table.driving_column is None:
-            return self._along_table(table, choice, start)
-        return self._through_test(table, choice, start)
+            return self._along_table(table, found, start)
+        return self._through_test(table, found, start)
 
     def _along_records(
-        self, choice: "ModelChoice", start: "Start"
-    ) -> tuple["MaterialCell", "Course", "Tensor"]:
+        self, found: "FoundModel", start: "Start"
+    ) -> tuple["MaterialCell", "PrescribedPath", "Tensor"]:
         from granbench.data.adapters import conditions_of
-        from granbench.element_test.driving import Course
+        from granbench.element_test.prescribed_path import PrescribedPath
         from granbench.records import open_records
         from granbench.tensors import component_order
 
         self._refuse_test_options()
         with open_records(self.path or "") as opened:
             records = opened.load()
-        cell = choice.cell(component_order(tuple(str(c) for c in records["component"].values)))
-        course = Course.of_records(records, str(self.path), cell)
-        return cell, course, start.state(cell, conditions_of(records))
+        order = component_order(tuple(str(c) for c in records["component"].values))
+        cell = found.in_order(order).cell
+        path = PrescribedPath.of_records(records, str(self.path), cell)
+        with named_start_options(start):
+            return cell, path, start.state(cell, conditions_of(records))
 
     def _along_table(
-        self, table: "PathTable", choice: "ModelChoice", start: "Start"
-    ) -> tuple["MaterialCell", "Course", "Tensor"]:
-        from granbench.element_test.driving import Course
+        self, table: "PathTable", found: "FoundModel", start: "Start"
+    ) -> tuple["MaterialCell", "PrescribedPath", "Tensor"]:
+        from granbench.element_test.prescribed_path import PrescribedPath
 
         self._refuse_test_options()
-        cell = choice.cell(table.order)
-        state = start.state(cell)
+        cell = found.in_order(table.order).cell
+        with named_start_options(start):
+            state = start.state(cell)
         stress = state[0, cell.layout["stress"]].double().numpy()
-        return cell, Course.of_table(table, stress, cell), state
+        return cell, PrescribedPath.of_table(table, stress, cell), state
 
     def _through_test(
-        self, table: "PathTable | None", choice: "ModelChoice", start: "Start"
-    ) -> tuple["MaterialCell", "Course", "Tensor"]:
-        from granbench.element_test.driving import Course, cell_for_test
+        self, table: "PathTable | None", found: "FoundModel", start: "Start"
+    ) -> tuple["MaterialCell", "PrescribedPath", "Tensor"]:
+        from granbench.element_test.prescribed_path import PrescribedPath, cell_for_test
         from granbench.paths.standard_tests import find_test, strain_history
         from granbench.units.quantity_text import strain_from_text
 
@@ -117,7 +122,8 @@ class AskedCourse:
                 why=f"{self.path} gives the driving strain",
             )
             history = table.history()
-        pressure = start.isotropic_pressure("a standard test")
+        with named_start_options(start):
+            pressure = start.isotropic_pressure("a standard test")
         programme = test.programme(pressure, float(abs(history).max()), self.b)
         column = "eps_shear" if programme.driving_component == "xy" else "eps_axial"
         if table is not None and table.driving_column != column:
@@ -125,9 +131,15 @@ class AskedCourse:
                 f"{self.path}: column {table.driving_column} does not drive {self.control}; name "
                 f"it {column}"
             )
-        cell = cell_for_test(choice, programme, self.order)
-        course = Course.of_test(self.control, programme, history, cell.order, table)
-        return cell, course, start.state(cell)
+        if self.order is not None and not found.order_is_open:
+            raise ConfigurationError(
+                f"--order is for classical models; {found.name} has its own components, leave it "
+                "out"
+            )
+        cell = cell_for_test(found, programme, self.order)
+        path = PrescribedPath.of_test(self.control, programme, history, cell.order, table)
+        with named_start_options(start):
+            return cell, path, start.state(cell)
 
     def _refuse_test_options(self) -> None:
         self._refuse(

@@ -17,6 +17,7 @@ from granbench.cli.evaluation_facts import (
     what_was_written,
 )
 from granbench.cli.evaluation_progress import evaluation_bar
+from granbench.cli.model_options import evaluated_model
 from granbench.cli.options import (
     default_task,
     listed_seeds,
@@ -100,7 +101,6 @@ def evaluate(
     from granbench.benchmark.predictions import CELL_NOTES, evaluated
     from granbench.benchmark.task_registry import find_task, task_records
     from granbench.benchmark.task_summary import shortages_of_scores
-    from granbench.cells.find import find_cells
     from granbench.cli.score_tables import tables
     from granbench.leaderboard.composition import check_target, compose
     from granbench.leaderboard.model_files import require_data_only
@@ -124,13 +124,13 @@ def evaluate(
     axes = chosen.chosen_axes(axis or chosen.axes)
     with task_records(chosen) as dataset:
         records = chosen.view(dataset)
-        candidate = find_cells(model, records, folders=model_dir or (), seeds=numbers)
+        candidate = evaluated_model(model, records, model_dir or (), numbers)
         kept = candidate if keep == MODEL else None
         if kept is not None:
             require_data_only(kept)  # before minutes of work
         about = About.checked(
             name=name or candidate.name,
-            title=title or getattr(candidate.baseline, "title", None),
+            title=title or candidate.title,
             authors=authors_of(authors, candidate),
             code=code,
             role=role or ("floor" if candidate.floor else "model"),

@@ -2,20 +2,18 @@
 
 import json
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from granbench.cli.drive_options import scalars_at_start
+from granbench.cli.model_options import named_start_options, one_model
 from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import note, print_json, say
+from granbench.cli.progress import progress_bar
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import AnalysisError, ConfigurationError, GranbenchError
 
@@ -141,19 +139,18 @@ def fem(
 
     import torch
 
-    from granbench.element_test.start import ModelChoice
     from granbench.fem import run
     from granbench.fem.remarks import remarks
 
     # Threads that wait for each other cost more than they do, at some hundred points.
     torch.set_num_threads(1)
-    made = ModelChoice(cell, parameter_set, params, task).cell("plane")
+    made = one_model(cell, parameter_set, params, task, order="plane").cell
     scalars = scalars_at_start(e0, ocr, start)
     _refuse_unused(scalars, made, chosen)
     with stopped_by_sigterm("to begin anew"):
-        with _bar(made.name, quiet or as_json) as advance:
+        with progress_bar(f"steps with {made.name}", hidden=quiet or as_json) as bar:
             analysis = run(
-                chosen, made, solver=settings, mesh=mesh, scalars=scalars, on_step=advance
+                chosen, made, solver=settings, mesh=mesh, scalars=scalars, on_step=bar.move
             )
         analysis.write(out)
         series, plot = _write_pictures(analysis, vtu, plot)
@@ -211,7 +208,9 @@ def _refuse_unused(scalars: dict[str, float], cell: "MaterialCell", problem: "Pr
 
     if scalars:
         pressure = problem.confined_for(cell).initial_pressure or None
-        Start(pressure, scalars).state(cell)
+        start = Start(pressure, scalars)
+        with named_start_options(start):
+            start.state(cell)
 
 
 def _end(analysis: "Analysis", out: Path) -> None:
@@ -317,15 +316,3 @@ def _sentence(analysis: "Analysis", out: Path) -> str:
         f"{float(found['reaction'].max()) / 1e3:.4g} kN/m; volumetric strain "
         f"{100.0 * float(last['volumetric_strain']):.3g} %"
     )
-
-
-@contextmanager
-def _bar(name: str, hidden: bool) -> Iterator[Callable[[int, int], None]]:
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-    )  # fmt: skip
-    hidden = hidden or not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
-        job = progress.add_task(f"steps with {name}", total=None)
-        yield lambda step, steps: progress.update(job, completed=step, total=steps)

@@ -1,21 +1,19 @@
 """`granbench fit`: fit a classical model to your own laboratory tests."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from collections.abc import Sequence
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from granbench.cli.fit_tables import result_tables, understanding_of_tests
 from granbench.cli.laboratory_options import (
     named_columns,
     named_numbers,
     named_texts,
-    settings_as_options,
 )
+from granbench.cli.model_options import one_model
 from granbench.cli.options import (
     refuse_overwriting,
     require_folder,
@@ -24,6 +22,7 @@ from granbench.cli.options import (
 )
 from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import print_json, say, show
+from granbench.cli.progress import progress_bar
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError
 from granbench.files.folder_lock import locked_folder
@@ -39,7 +38,6 @@ PARAMETERS = "parameters.json"
 RECORDS = "tests.nc"
 
 
-@settings_as_options()
 def fit(
     model: Annotated[str, typer.Argument(help="Classical model, such as j2 or csuh.")],
     data: Annotated[
@@ -204,7 +202,6 @@ def fit(
     """
     require_folder("--out", out)
 
-    from granbench.element_test.start import ModelChoice
     from granbench.fitting import Effort, FitSettings
     from granbench.fitting import fit as fitted
     from granbench.fitting.report import PICTURE, report_of
@@ -244,7 +241,7 @@ def fit(
         bootstrap=bootstrap,
     )
     tests, left_out = _tests(data, leave_out or (), reading)
-    cell: Any = ModelChoice(model, parameter_set, params).cell("principal")
+    cell: Any = one_model(model, parameter_set, params, order="principal").cell
     if settings.free is None:
         _require_shear(tests, [parameter.name for parameter in cell.parameter_table])
     total = settings.effort.adam_iterations + settings.effort.iterations
@@ -253,8 +250,14 @@ def fit(
         locked_folder(out, ConfigurationError) if out.is_dir() else nullcontext(),
         whole_folder(out, ConfigurationError) as folder,
     ):
-        with _bar(total, model, quiet or as_json) as advance:
-            found = fitted(cell, tests, settings, left_out=left_out, on=advance)
+        with progress_bar(f"fitting {model}", total, shown="share", hidden=quiet or as_json) as bar:
+            found = fitted(
+                cell,
+                tests,
+                settings,
+                left_out=left_out,
+                on=lambda stage, _, cost: bar.advance(f"{model}, {stage}: cost {cost:.3g}"),
+            )
         report = report_of(found, settings, tests, left_out)
         _write(found, report, tests, left_out, folder)
         if not (folder / RECORDS).exists():
@@ -340,18 +343,3 @@ def _figure(found: "Fit") -> "Figure":
     from granbench.plotting.fit import fit_figure
 
     return fit_figure({found.cell.name: found.curves})
-
-
-@contextmanager
-def _bar(total: int, name: str, hidden: bool) -> Iterator[Callable[[str, int, float], None]]:
-    """A bar on the terminal's stderr: stage, lowest sum of squares, time."""
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    hidden = hidden or not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
-        job = progress.add_task(f"fitting {name}", total=total)
-
-        def advance(stage: str, iteration: int, cost: float) -> None:
-            progress.update(job, advance=1, description=f"{name}, {stage}: cost {cost:.3g}")
-
-        yield advance

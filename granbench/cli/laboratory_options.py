@@ -1,54 +1,8 @@
-"""Options of `granbench fit` for laboratory files: their texts, and how errors name them."""
+"""Texts of the options of `granbench fit`, as the settings they stand for."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 
-from granbench.errors import ConfigurationError, GranbenchError, Setting
-
-OPTIONS: Mapping[str, str] = {
-    "columns": "--column",
-    "units": "--unit",
-    "ignore": "--ignore",
-    "kind": "--kind",
-    "stresses": "--stresses",
-    "monotonic": "--monotonic",
-    "tension_positive": "--tension-positive",
-    "strain_measure": "--strain-measure",
-    "initial_void_ratio": "--e0",
-    "lateral_stress": "--lateral-stress",
-    "cell_pressure": "--cell-pressure",
-    "back_pressure": "--back-pressure",
-    "k0": "--k0",
-    "free": "--free",
-    "control": "--control",
-    "weights": "--weight",
-    "left_out": "--leave-out",
-}
-"""Option of each field of `ImportSettings` and `FitSettings`, and argument of `fit`."""
-
-
-def option_text(setting: Setting) -> str:
-    """A setting as a user gives it on the command line, such as ``--unit stress=kPa``."""
-    option, value = OPTIONS.get(setting.name), setting.value
-    if option is None:
-        return str(setting)
-    if value is None or value is True:
-        return option
-    if isinstance(value, Mapping):
-        return " ".join(f"{option} {name}={part}" for name, part in value.items())
-    if isinstance(value, tuple):
-        return " ".join(f"{option} {part!r}" for part in value)
-    return f"{option} {value:g}" if isinstance(value, float) else f"{option} {value}"
-
-
-@contextmanager
-def settings_as_options() -> Iterator[None]:
-    """Write the settings in the text of an error as options of the command line."""
-    try:
-        yield
-    except GranbenchError as error:
-        error.args = (error.spelled(option_text),)
-        raise
+from granbench.errors import ConfigurationError
 
 
 def named_texts(option: str, texts: Sequence[str] | None) -> dict[str, str]:

@@ -2,18 +2,17 @@
 
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from granbench.cli.options import default_task, require_cores, require_folder, seed_option
 from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import print_json, say
+from granbench.cli.progress import progress_bar
 from granbench.cli.task_option import TaskName
 from granbench.cli.termination import stopped_by_sigterm
 from granbench.errors import ConfigurationError, GranbenchError
@@ -79,7 +78,7 @@ def train(
     with (
         stopped_by_sigterm(),
         task_records(chosen) as dataset,
-        _epoch_bar(baseline, quiet) as show,
+        progress_bar(f"training {baseline}", 1.0, shown="share", hidden=quiet) as bar,
         _removed_if_empty(out),
     ):
         folder = model.train(
@@ -91,7 +90,9 @@ def train(
                 epochs=epochs,
                 seconds=seconds,
                 device=device,
-                on_epoch=show,
+                on_epoch=lambda report: bar.move(
+                    report.progress, text=f"training {baseline}: {_losses(report)}"
+                ),
             )
         )
     if (folder / HISTORY_FILE).exists():  # a fit of a classical model has none
@@ -135,30 +136,6 @@ def _seconds(budget: float) -> float:
     if not 0.0 < seconds < math.inf:
         raise ConfigurationError(f"--budget must be a number of minutes above 0, not {budget:g}")
     return seconds
-
-
-@contextmanager
-def _epoch_bar(name: str, quiet: bool) -> Iterator[Callable[["EpochReport"], None]]:
-    """A bar on the terminal's stderr: share of the run, losses, time."""
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.fields[losses]}"),
-        TimeElapsedColumn(),
-    )
-    hidden = quiet or not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
-        task = bar.add_task(f"training {name}", total=1.0, losses="")
-
-        def show(report: "EpochReport") -> None:
-            bar.update(
-                task,
-                completed=report.progress,
-                losses=_losses(report),
-            )
-
-        yield show
 
 
 def _losses(report: "EpochReport") -> str:

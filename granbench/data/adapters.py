@@ -38,11 +38,11 @@ SPECIMEN_SCALARS = (
     "coefficient_of_curvature",
     "preparation_friction",
 )
-"""What a model may know of a specimen. The loading programme (b, family) is not among them: a
-model sees it as strain only."""
+"""Scalars of a specimen that a model may use. The loading programme (b, family) is not among them:
+a model sees it as strain only."""
 
 BYTES_IN_MEMORY = 256_000_000
-"""Tensors that a window dataset keeps of the paths it has read; it reads the others again."""
+"""Size of the paths that a window dataset keeps in memory; it reads the others again."""
 
 
 def accumulated_strain(strain: Tensor) -> Tensor:
@@ -54,14 +54,14 @@ def accumulated_strain(strain: Tensor) -> Tensor:
 
     Returns
     -------
-    (..., step, component), zero at step 0, never falling
+    (..., step, component), zero at step 0, never decreasing
     """
     increments = strain.diff(dim=-2).abs()
     return torch.cat([torch.zeros_like(strain[..., :1, :]), increments.cumsum(dim=-2)], dim=-2)
 
 
 def _tensor(variable: xr.DataArray, dtype: torch.dtype) -> Tensor:
-    # A copy: values that come from a cache must not be shared with a caller's tensor.
+    # A copy: cached values must not be shared with the tensor of a caller.
     return torch.tensor(np.asarray(variable.values, dtype=np.float64), dtype=dtype)
 
 
@@ -79,7 +79,7 @@ def _initial_scalars(
 
 
 def path_key(path_id: str) -> float:
-    """A number that names a path: 48 bits of SHA-256 of its id, exact as float64.
+    """A number that identifies a path: 48 bits of SHA-256 of its id, exact as float64.
 
     It stays the same in every selection of a dataset's paths, unlike a position.
     """
@@ -87,18 +87,18 @@ def path_key(path_id: str) -> float:
 
 
 def _place(ds: xr.Dataset, start: int) -> dict[str, Tensor]:
-    """Which record this is and where: for the oracle, meaningless to a model; float64."""
+    """Record and step, float64: for the oracle; a model has no use for them."""
     keys = torch.tensor([path_key(name) for name in ds["path_id"].values], dtype=torch.float64)
     return {"path_key": keys, "step_index": torch.full_like(keys, float(start))}
 
 
 def conditions_of(ds: xr.Dataset, start: int = 0, dtype: torch.dtype = torch.float64) -> Conditions:
-    """What is known of every path at its step `start`.
+    """The conditions of every path at its step `start`.
 
     Parameters
     ----------
-    ds : records; one point a path
-    start : step at which prediction begins, from 0 to the last but one
+    ds : records; every path becomes one point
+    start : step at which the prediction begins, from 0 to the last but one
 
     Returns
     -------
@@ -150,15 +150,15 @@ class WindowDataset(Dataset):
     An item holds ``length + 1`` recorded states: the known start and those to predict. It is
     a dictionary of tensors that a `DataLoader` can batch:
 
-    - `strain`, `stress` (length + 1, component); strain still counts from the path's start
+    - `strain`, `stress` (length + 1, component); strain is counted from the start of the path
     - `void_ratio` and the other internal variables (length + 1,) that the dataset has
     - `accumulated_strain` (component,), chi at the window's start
     - the specimen's scalars (), see `SPECIMEN_SCALARS`
 
     `history_of_batch` turns a batch into the `History` that a material cell understands.
-    Paths are read when they are needed and those read last are kept, up to `BYTES_IN_MEMORY`,
-    so that a dataset may be larger than memory: sample such a dataset path by path, since a
-    random order over all windows reads a path for almost every one.
+    Paths are read when they are needed, and the latest are kept up to `BYTES_IN_MEMORY`, so a
+    dataset may be larger than the memory: sample such a dataset path by path, since a random order
+    over all windows reads a path for almost every window.
 
     Parameters
     ----------
@@ -245,13 +245,13 @@ class SequenceDataset(WindowDataset):
 
 
 def history_of_batch(batch: Mapping[str, Any], order: str = "principal") -> History:
-    """A batch of windows as the record that a material cell is conditioned and driven by.
+    """A batch of windows as the record from which a material cell starts and by which it is driven.
 
     Parameters
     ----------
-    batch : what a `DataLoader` over a `WindowDataset` gives: every tensor with the window as
-        its first dimension
-    order : component order, the dataset's `order`
+    batch : of a `DataLoader` over a `WindowDataset`: the first dimension of every tensor is the
+        window
+    order : component order, `WindowDataset.order`
 
     Returns
     -------

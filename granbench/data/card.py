@@ -1,8 +1,7 @@
-"""The card of a dataset: a page with what a soil mechanician looks at first, made from the file.
+"""The card of a dataset: a page with design, figures, quality and splits, computed from its file.
 
 ``python -m granbench.data.card FILE --out FOLDER`` writes ``NAME-VERSION.md`` and a folder of
-figures beside it. Everything on the page is computed from the file, so it cannot go stale
-unnoticed.
+figures next to it.
 """
 
 from collections.abc import Callable
@@ -79,7 +78,7 @@ PLANE_FIGURES: dict[str, tuple[Callable[[xr.Dataset], "Figure"], str]] = {
         "out of distribution.",
     ),
 }
-"""Of drawn strain paths in the plane, in place of `FIGURES`."""
+"""Figures of drawn strain paths in the plane, instead of `FIGURES`."""
 
 
 def write_card(records: xr.Dataset, out: Path) -> Path:
@@ -105,7 +104,7 @@ def write_card(records: xr.Dataset, out: Path) -> Path:
     for title, (draw, caption) in (PLANE_FIGURES if order == "plane" else FIGURES).items():
         try:
             figure = draw(records)
-        except DatasetError as error:  # a figure that this dataset has no tests for
+        except DatasetError as error:  # the dataset has no tests for this figure
             undrawn[title] = str(error)
             continue
         drawn[f"{name}/{save_figure(figure, out / name / f'{title}.png').name}"] = caption

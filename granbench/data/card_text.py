@@ -47,7 +47,7 @@ def card_text(
 
 
 def _about_tests(records: xr.Dataset) -> list[str]:
-    """What is to be said of drawn strain paths, or of tests on packings of grains."""
+    """Sections on drawn strain paths, or on tests on packings of grains."""
     if _in_plane(records):
         return plane_sections(records)
     return [

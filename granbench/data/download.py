@@ -1,7 +1,7 @@
-"""One file over HTTP: resumed where it broke off, within bounds on time and size, and checked.
+"""Download of one file over HTTP: resumed, bounded in time and size, and checked.
 
-Nothing that a server answers is believed: lengths, ranges and redirections are compared with
-what the registry says, and what comes too slowly is given up.
+The answers of a server are not trusted: lengths, ranges and redirections are compared with the
+registry, and a server that is too slow is given up.
 """
 
 import contextlib
@@ -16,33 +16,35 @@ from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import Any
 
+import tenacity
+
 from granbench.data.partial_file import discard, open_partial, partial_size
 
 CHUNK = 1 << 18
 TIMEOUT = 30.0
 """Seconds without a byte after which a connection counts as lost."""
 ATTEMPTS = 4
-"""Connections that may break in a row before a mirror is given up."""
+"""Connections in a row without new bytes after which a mirror is given up."""
 CONNECTIONS = 100
-"""Connections in all, for a server that sends a few bytes in each."""
+"""Connections in total, for a server that sends a few bytes in each."""
 PAUSE = 0.5
-"""Seconds before the second connection; each further one waits twice as long."""
+"""Seconds before the second connection; the pause doubles with each further one."""
 SLOW_WINDOW = 30.0
-"""Seconds over which the rate is looked at, the time to connect included."""
+"""Seconds over which the rate is measured, including the time to connect."""
 SLOWEST_RATE = 1000.0
 """Bytes a second below which a mirror is given up."""
 WORDS = 160
-"""Most characters of a server's own words in an error."""
+"""Largest number of characters quoted from a server in an error."""
 NETCDF4_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
-Progress = Callable[[int, int], None]
-"""Called with the bytes so far and the bytes in all."""
+OnBytes = Callable[[int, int], None]
+"""Called with the bytes so far and the bytes in total."""
 Check = Callable[[Path], str | None]
-"""What is wrong with a file that should be whole; None if nothing is."""
+"""Returns what is wrong with a complete file; None if nothing is."""
 
 
 class MirrorFailure(Exception):
-    """This mirror cannot give the file; another one may."""
+    """This mirror cannot provide the file; another one may."""
 
 
 class _ConnectionLost(Exception):
@@ -50,22 +52,22 @@ class _ConnectionLost(Exception):
 
 
 def download(
-    address: str, size: int, partial: Path, why_not: Check, progress: Progress | None
+    address: str, size: int, partial: Path, why_not: Check, progress: OnBytes | None
 ) -> None:
-    """Continue `partial` until it is the wanted file.
+    """Continue `partial` until it is the complete file.
 
     Parameters
     ----------
     address : http or https
     size : bytes of the whole file
     partial : the `.part` file
-    why_not : says what is wrong with a whole file
+    why_not : returns what is wrong with a complete file
     progress : called after every piece
 
     Raises
     ------
     MirrorFailure
-        If this server does not give the file; what it gave so far is kept if it may be right.
+        If this server does not provide the file; the bytes so far are kept if they may be right.
     OSError
         If the file cannot be written.
     """
@@ -73,7 +75,7 @@ def download(
     _download_all(address, size, partial, progress)
     reason = why_not(partial)
     if reason and resumed:
-        # What was left over may be from another file: once more from the beginning.
+        # The bytes from before may belong to another file: once more from the beginning.
         discard(partial)
         _download_all(address, size, partial, progress)
         reason = why_not(partial)
@@ -82,25 +84,45 @@ def download(
         raise MirrorFailure(reason)
 
 
-def _download_all(address: str, size: int, partial: Path, progress: Progress | None) -> None:
-    broken = 0
-    rate = _Rate()
-    for _ in range(CONNECTIONS):
-        done = partial_size(partial)
-        if done >= size:
-            return
-        try:
-            _continue(address, size, partial, rate, progress)
-            reason = "the connection ended early"
-        except _ConnectionLost as error:
-            reason = str(error)
-        broken = 0 if partial_size(partial) > done else broken + 1
-        if broken == ATTEMPTS:
-            raise MirrorFailure(f"{reason} {_kept(partial, size)}")
-        if broken:
-            time.sleep(PAUSE * 2 ** (broken - 1))
-    if partial_size(partial) < size:
-        raise MirrorFailure(f"{CONNECTIONS} connections broke {_kept(partial, size)}")
+def _download_all(address: str, size: int, partial: Path, progress: OnBytes | None) -> None:
+    """Connect again and again until `partial` is complete, or no connection adds to it."""
+    rate, stalls = _Rate(), _Stalls(partial)
+    retrying = tenacity.Retrying(
+        retry=tenacity.retry_if_exception_type(_ConnectionLost),
+        after=stalls.count,
+        wait=stalls.pause,
+        stop=tenacity.stop_any(stalls.are_too_many, tenacity.stop_after_attempt(CONNECTIONS)),
+        reraise=True,
+    )
+    try:
+        retrying(_continue, address, size, partial, rate, progress)
+    except _ConnectionLost as lost:
+        gave_up = f"{CONNECTIONS} connections broke"
+        reason = lost if stalls.are_too_many() else gave_up
+        raise MirrorFailure(f"{reason} {_kept(partial, size)}") from lost
+
+
+class _Stalls:
+    """Counts the connections in a row that added nothing to the `.part` file."""
+
+    def __init__(self, partial: Path) -> None:
+        self._partial = partial
+        self._size = partial_size(partial)
+        self._count = 0
+
+    def count(self, _: object = None) -> None:
+        """Take a broken connection into account."""
+        size = partial_size(self._partial)
+        self._count = 0 if size > self._size else self._count + 1
+        self._size = size
+
+    def pause(self, _: object = None) -> float:
+        """Seconds before the next connection."""
+        return PAUSE * 2 ** (self._count - 1) if self._count else 0.0
+
+    def are_too_many(self, _: object = None) -> bool:
+        """Whether the mirror is given up."""
+        return self._count >= ATTEMPTS
 
 
 def _kept(partial: Path, size: int) -> str:
@@ -108,7 +130,7 @@ def _kept(partial: Path, size: int) -> str:
 
 
 class _Rate:
-    """Bytes that came in windows of time, over all connections to a mirror."""
+    """Bytes received in windows of time, over all connections to a mirror."""
 
     def __init__(self) -> None:
         self._began = time.monotonic()
@@ -118,7 +140,7 @@ class _Rate:
         self._received += count
 
     def left(self) -> float:
-        """Seconds until the rate is judged; a window that was fast enough gives way to the next."""
+        """Seconds until the rate is judged; a new window begins after one that was fast enough."""
         left = self._began + SLOW_WINDOW - time.monotonic()
         if left <= 0 and self._received >= SLOWEST_RATE * SLOW_WINDOW:
             self.__init__()  # type: ignore[misc]
@@ -127,18 +149,20 @@ class _Rate:
 
 
 def _continue(
-    address: str, size: int, partial: Path, rate: _Rate, progress: Progress | None
+    address: str, size: int, partial: Path, rate: _Rate, progress: OnBytes | None
 ) -> None:
-    """One connection: append what the server sends to `partial`."""
+    """One connection: append what the server sends to `partial`; _ConnectionLost if it breaks."""
     start = partial_size(partial)
+    if start >= size:
+        return
     with contextlib.closing(_pieces(address, size, start, partial, rate)) as pieces:
         start = next(pieces)
         piece = next(pieces, b"")
         if not start and not piece.startswith(NETCDF4_SIGNATURE[: len(piece)]):
             raise MirrorFailure("the server sent something that is not a netCDF file")
         if not piece:
-            return
-        # Opened only now: what was kept is not given up for an answer that is no file.
+            raise _ConnectionLost("the connection ended early")
+        # Opened only now: an answer that is not a file must not destroy the bytes so far.
         with open_partial(partial, keep=start > 0) as file:
             while piece:
                 start += len(piece)
@@ -148,15 +172,17 @@ def _continue(
                 if progress:
                     progress(start, size)
                 piece = next(pieces, b"")
+    if start < size:
+        raise _ConnectionLost("the connection ended early")
 
 
 def _pieces(
     address: str, size: int, start: int, partial: Path, rate: _Rate
 ) -> Generator[Any, None, None]:
-    """The byte that the server starts from, then what it sends, piece by piece.
+    """The byte that the server starts from, then the content, piece by piece.
 
-    The connection lives in a thread: a server may take its time byte by byte over the headers,
-    and a name server over the address, where no time limit of a socket helps.
+    The connection runs in a thread: a server may send its headers slowly, byte by byte, and a name
+    server may be slow as well, and no time limit of a socket covers that.
     """
     received: queue.Queue[object] = queue.Queue(maxsize=4)
     given_up = threading.Event()
@@ -189,7 +215,7 @@ def _pieces(
 def _receive(
     address: str, size: int, start: int, received: queue.Queue, given_up: threading.Event
 ) -> None:
-    """What one connection gives, into a queue: the first byte's place, pieces, None or an error."""
+    """Put the results of a connection into a queue: first byte, pieces, and None or an error."""
 
     def hand_over(item: object) -> bool:
         while not given_up.is_set():
@@ -214,17 +240,17 @@ def _receive(
         temporary = error.code >= 500 or error.code in (408, 429)
         hand_over(_ConnectionLost(reason) if temporary else MirrorFailure(reason))
     except (http.client.InvalidURL, ValueError) as error:
-        # Of an address such as http://[::1, of the server's or of a redirection.
+        # For an address such as http://[::1, of the server or of a redirection.
         hand_over(MirrorFailure(f"not an address of a file ({plain(error)})"))
     except (OSError, http.client.HTTPException) as error:
         text = getattr(error, "reason", None) or getattr(error, "strerror", None) or error
         hand_over(_ConnectionLost(plain(text) or type(error).__name__))
-    except Exception as error:  # whatever an answer makes the library raise is the mirror's fault
+    except Exception as error:  # any other error that an answer causes is the mirror's fault
         hand_over(MirrorFailure(plain(f"{type(error).__name__}: {error}")))
 
 
 class _WebRedirects(urllib.request.HTTPRedirectHandler):
-    """Redirections to other web addresses only: urllib itself would follow one to ftp."""
+    """Allows redirections to web addresses only: urllib itself would follow one to ftp."""
 
     def redirect_request(self, req, fp, code, msg, headers, newurl):
         if not newurl.lower().startswith(("http://", "https://")):
@@ -240,7 +266,7 @@ def _connect(address: str, start: int) -> http.client.HTTPResponse:
 
 
 def _check_answer(response: http.client.HTTPResponse, size: int, start: int) -> None:
-    """Compare what the server announces with what was asked for, before anything is read."""
+    """Compare the announced file with the requested one before anything is read."""
     if response.status not in (200, 206):
         raise MirrorFailure(f"HTTP status {response.status} {plain(response.reason)}".rstrip())
     if response.headers.get_content_type() == "text/html":
@@ -260,14 +286,14 @@ def _check_answer(response: http.client.HTTPResponse, size: int, start: int) -> 
         return
     length = lengths.pop()
     if lengths or not re.fullmatch(r"[0-9]{1,18}", length):
-        told = ", ".join(sorted({length, *lengths}))
-        raise MirrorFailure(f"the server gives {plain(told)!r} as the length of the file")
+        announced = ", ".join(sorted({length, *lengths}))
+        raise MirrorFailure(f"the server gives {plain(announced)!r} as the length of the file")
     if start + int(length) != size:
         raise MirrorFailure(f"the server's file has {start + int(length)} bytes instead of {size}")
 
 
 def plain(words: object) -> str:
-    """Somebody else's words for an error: one line, printable, and not long."""
+    """Text from outside for an error: one line, printable, and short."""
     text = "".join(character if character.isprintable() else " " for character in str(words))
     text = " ".join(text.split())
     return text if len(text) <= WORDS else text[:WORDS] + "..."

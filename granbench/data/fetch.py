@@ -1,4 +1,4 @@
-"""From a mirror to this machine: resumed where it broke off, checked, and renamed when whole."""
+"""Fetching of a dataset from a mirror: resumed, checked, and renamed when complete."""
 
 import contextlib
 import errno
@@ -12,10 +12,10 @@ from typing import NoReturn
 
 import pooch
 
-from granbench.data.download import MirrorFailure, Progress, download, plain
+from granbench.data.download import MirrorFailure, OnBytes, download, plain
 from granbench.data.partial_file import discard, open_partial
 from granbench.data.registry import RegistryEntry
-from granbench.errors import DownloadError
+from granbench.errors import DownloadError, Setting
 
 MINI_FOLDER = Path(__file__).parent / "mini"
 """The mini tier, inside the wheel."""
@@ -25,12 +25,12 @@ DATA_PACKAGE = "granbench_data"
 
 
 class NoMirrorError(DownloadError):
-    """No mirror gives the file; `tried` says what each of them gave."""
+    """No mirror provides the file; `tried` says why for each of them."""
 
     def __init__(self, entry: RegistryEntry, tried: str) -> None:
         super().__init__(
             f"{entry.file} could not be fetched ({tried}); set {MIRROR_VARIABLE} to a folder or "
-            "address that holds it"
+            "address that has it"
         )
         self.tried = tried
 
@@ -38,7 +38,7 @@ class NoMirrorError(DownloadError):
 def checkout_datasets() -> Path | None:
     """The `datasets` folder of the checkout that this package runs from, if it is one."""
     root = Path(__file__).resolve().parents[2]
-    # Beside an installed wheel a folder `datasets` is somebody else's package.
+    # Next to an installed wheel a folder `datasets` belongs to another package.
     is_checkout = (root / "pyproject.toml").is_file() and (root / "datasets").is_dir()
     return root / "datasets" if is_checkout else None
 
@@ -67,7 +67,7 @@ def mirrors_of(entry: RegistryEntry) -> list[str]:
 
 
 def why_not(path: Path, entry: RegistryEntry) -> str | None:
-    """What is wrong with a file that should be the entry's; None if nothing is."""
+    """What is wrong with the file of an entry; None if nothing is."""
     if not path.is_file():
         return "the file is not there"
     if (size := path.stat().st_size) != entry.bytes:
@@ -78,7 +78,7 @@ def why_not(path: Path, entry: RegistryEntry) -> str | None:
 
 
 def is_whole(path: Path, entry: RegistryEntry) -> bool:
-    """Whether the entry's file is here, as the registry describes it, and can be read."""
+    """Whether the file of an entry is at a path and agrees with the registry."""
     try:
         return why_not(path, entry) is None
     except (OSError, ValueError):
@@ -88,10 +88,10 @@ def is_whole(path: Path, entry: RegistryEntry) -> bool:
 def fetch(
     entry: RegistryEntry,
     folder: Path,
-    progress: Progress | None = None,
+    progress: OnBytes | None = None,
     also_in: Iterable[Path] = (),
 ) -> Path:
-    """Bring a dataset's file into a folder, unless it is there already.
+    """Fetch the file of a dataset into a folder, unless it is there already.
 
     The bytes go to a `.part` file, which a later call continues, and get the final name only
     when size and SHA-256 agree with the registry.
@@ -99,7 +99,7 @@ def fetch(
     Parameters
     ----------
     entry : the dataset
-    folder : where to put it; made when missing
+    folder : for the file; created if necessary
     progress : called after every piece
     also_in : folders that may already hold it, such as the cache
 
@@ -110,7 +110,7 @@ def fetch(
     Raises
     ------
     NoMirrorError
-        If no mirror gives the registered file; the text says what each of them gave.
+        If no mirror provides the registered file; the text says why for each of them.
     DownloadError
         If the folder cannot be written or is full.
     """
@@ -128,7 +128,7 @@ def fetch(
 
 
 def _fetch_from_any(
-    mirrors: list[str], entry: RegistryEntry, target: Path, progress: Progress | None
+    mirrors: list[str], entry: RegistryEntry, target: Path, progress: OnBytes | None
 ) -> None:
     partial = target.with_name(target.name + ".part")
     failures = []
@@ -147,7 +147,7 @@ def _fetch_from_any(
             continue
         os.replace(partial, target)
         return
-    raise NoMirrorError(entry, "; ".join(failures) or "there is no mirror to ask")
+    raise NoMirrorError(entry, "; ".join(failures) or "there is no mirror")
 
 
 def _folder(mirror: str) -> Path:
@@ -159,7 +159,7 @@ def _folder(mirror: str) -> Path:
 
 @contextlib.contextmanager
 def one_at_a_time(folder: Path) -> Iterator[None]:
-    """Keep two processes from writing into one folder, where the system has locks."""
+    """Prevent two processes from writing into one folder, if the system has locks."""
     try:
         import fcntl
     except ImportError:  # Windows
@@ -179,15 +179,16 @@ def _local_failure(path: Path, error: OSError) -> NoReturn:
         with contextlib.suppress(OSError):
             discard(path.with_name(path.name + ".part"))
         raise DownloadError(
-            f"{path}: the disk is full; free some space or choose another folder with --dest"
+            f"{path}: the disk is full; free some space or choose another ", Setting("folder")
         ) from error
     raise DownloadError(
-        f"{path}: cannot be written ({error.strerror or error}); choose a folder that is "
-        "writable with --dest, or set GRANBENCH_CACHE to one"
+        f"{path}: cannot be written ({error.strerror or error}); choose a writable ",
+        Setting("folder"),
+        ", or set GRANBENCH_CACHE to one",
     ) from error
 
 
-def _copy(source: Path, entry: RegistryEntry, partial: Path, progress: Progress | None) -> None:
+def _copy(source: Path, entry: RegistryEntry, partial: Path, progress: OnBytes | None) -> None:
     # Checked before it is copied: a wrong file in the checkout costs no disk space.
     try:
         reason = why_not(source, entry)

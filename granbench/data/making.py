@@ -1,8 +1,8 @@
-"""Datasets made on this machine by their registered command, where no mirror gives them.
+"""Datasets made on this machine by their registered command, if no mirror provides them.
 
-What takes seconds is made whenever it is needed; what takes minutes where the caller agrees; what
-takes hours never by itself. A made file counts only if every hash of its values is the registered
-one; its bytes may differ, as libraries write netCDF files in ways of their own.
+A dataset that takes seconds is made whenever it is needed, one that takes minutes on request, and
+one that takes hours never. Every hash of the values must be the registered one; the bytes of the
+file may differ, because netCDF libraries write files differently.
 """
 
 import logging
@@ -15,12 +15,12 @@ from pathlib import Path
 
 from granbench.data.fetch import one_at_a_time
 from granbench.data.registry import RegistryEntry
-from granbench.errors import DatasetError, DownloadError, GranbenchError
+from granbench.errors import DatasetError, DownloadError, GranbenchError, Setting
 
 AT_ONCE_SECONDS = 60.0
-"""What takes up to this long is made without a question."""
+"""Longest duration of a dataset that is made whenever it is needed."""
 ON_REQUEST_SECONDS = 900.0
-"""What takes up to this long is made on request."""
+"""Longest duration of a dataset that is made on request."""
 COMMAND = ["granbench", "generate"]
 FOLDER_OPTION = "--out"
 FOLDER = "DIR"
@@ -29,10 +29,10 @@ FOLDER = "DIR"
 PROGRAM = """
 import ctypes, runpy, sys
 if sys.platform == "linux":
-    ctypes.CDLL(None).prctl(1, 15)  # SIGTERM when the process that asked for the dataset ends
+    ctypes.CDLL(None).prctl(1, 15)  # SIGTERM when the parent process ends
 runpy.run_module("granbench", run_name="__main__", alter_sys=True)
 """
-"""Runs `granbench`, and stops with the process that has started it, even if that one is killed."""
+"""Runs `granbench`, and stops with the process that started it, even if that is killed."""
 
 logger = logging.getLogger(__name__)
 
@@ -40,23 +40,25 @@ _checked: set[tuple[str, int, int, str]] = set()
 
 
 def is_made_at_once(entry: RegistryEntry) -> bool:
-    """Whether the dataset is made without a question when it is needed."""
+    """Whether the dataset is made whenever it is needed."""
     return _seconds(entry) <= AT_ONCE_SECONDS
 
 
 def is_made_on_request(entry: RegistryEntry) -> bool:
-    """Whether the dataset is made where the caller agrees to some minutes."""
+    """Whether the dataset is made on request, within minutes."""
     return _seconds(entry) <= ON_REQUEST_SECONDS
 
 
-def how_to_make(entry: RegistryEntry) -> str | None:
-    """What a user can do to have the dataset made; None where no command makes it."""
+def how_to_make(entry: RegistryEntry) -> tuple[str | Setting, ...]:
+    """Parts of an error text: how to have the dataset made; empty if no command makes it."""
     if entry.generator_seconds is None:
-        return None
+        return ()
     time = duration(entry.generator_seconds)
     if is_made_on_request(entry):
-        return f"make it here with `granbench data fetch {entry.id} --make`, {time}"
-    return f"make it with `{entry.generator}`, {time}, and give the file in place of the name"
+        return (f"; or make it here, {time}, with ", Setting("minutes", True))
+    return (
+        f"; or make it with `{entry.generator}`, {time}, and give the file instead of the name",
+    )
 
 
 def duration(seconds: float) -> str:
@@ -89,12 +91,12 @@ def made_file(entry: RegistryEntry, folder: Path) -> Path | None:
 
 
 def make(entry: RegistryEntry, folder: Path) -> Path:
-    """Run the registered command and check what it gives; an interrupted one is continued.
+    """Run the registered command and check its result; an interrupted run is continued.
 
     Parameters
     ----------
     entry : the dataset; `is_made_on_request` holds
-    folder : where datasets are made; it is made if it is absent
+    folder : where datasets are made; it is created if necessary
 
     Returns
     -------
@@ -136,7 +138,7 @@ def _make(entry: RegistryEntry, folder: Path) -> Path:
         path.unlink()
         raise DatasetError(
             f"{entry.id} {entry.version} was made here, but it is not the registered dataset "
-            f"({reason}): the libraries or the processor of this machine compute otherwise; "
+            f"({reason}): the libraries or the processor of this machine give other numbers; "
             "install granbench-data or set GRANBENCH_MIRROR to a folder or address that holds it"
         )
     logger.info(f"{entry.id} was made here by `{command}`, content hash as registered")
@@ -151,7 +153,7 @@ def shown_command(entry: RegistryEntry) -> str:
 def _run(entry: RegistryEntry, workshop: Path) -> None:
     words = [str(workshop) if word == FOLDER else word for word in shlex.split(entry.generator)]
     # The generators are in a layer above this one, and what they load stays out of this process.
-    # -P: a folder `granbench` that happens to be here is not the installed package.
+    # -P: a folder `granbench` in the working folder is not the installed package.
     program = [sys.executable, "-P", "-c", PROGRAM, *words[1:]]
     shown = logger.isEnabledFor(logging.INFO) and sys.stderr is not None and sys.stderr.isatty()
     command = program if shown else [*program, "--quiet"]
@@ -166,11 +168,11 @@ def _run(entry: RegistryEntry, workshop: Path) -> None:
         try:
             _, errors = process.communicate()
         except BaseException:
-            process.terminate()  # it stops its jobs, and goes on from there the next time
+            process.terminate()  # it stops its jobs and continues from there next time
             raise
     if process.returncode:
         lines = (errors or "").strip().splitlines()
-        reason = lines[-1].removeprefix("error: ") if lines else "it says above why"
+        reason = lines[-1].removeprefix("error: ") if lines else "see the messages above"
         raise DownloadError(
             f"{entry.id} could not be made here: `{shown_command(entry)}` ended with exit code "
             f"{process.returncode} ({reason}); fetch again to continue"
@@ -178,19 +180,19 @@ def _run(entry: RegistryEntry, workshop: Path) -> None:
 
 
 def _difference(path: Path, entry: RegistryEntry) -> str | None:
-    """What distinguishes the values of a file from the registered ones; None if nothing does."""
-    # Not above: verification finds files by way of the store, which makes them here.
+    """How the values of a file differ from the registered ones; None if they do not."""
+    # Not at the top: verification imports the store, which imports this module.
     from granbench.data.verification import verify_file
 
     try:
         found = verify_file(path)
     except GranbenchError as error:
         return str(error)
-    return None if found == entry else f"it calls itself {found.id if found else 'otherwise'}"
+    return None if found == entry else f"its name is {found.id if found else 'another'}"
 
 
 def _seconds(entry: RegistryEntry) -> float:
-    """Duration of the registered command; infinite where it is not one that is run here."""
+    """Duration of the registered command; infinite if it cannot be run here."""
     words = shlex.split(entry.generator)
     runs = words[:2] == COMMAND and words[-2:] == [FOLDER_OPTION, FOLDER]
     if entry.generator_seconds is None or not runs:

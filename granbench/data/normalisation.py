@@ -1,4 +1,4 @@
-"""What values are scaled by: means and standard deviations of the training split, only."""
+"""Scaling of values: means and standard deviations of the training split alone."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from granbench.errors import DatasetError
 from granbench.records.schema import INTERNALS
 
 VARIED = ("strain", "stress", "void_ratio")
-"""What scores are divided by; every component of it must vary."""
+"""Variables whose standard deviation divides scores; every component must vary."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Normalisation:
 
     @classmethod
     def from_training(cls, ds: xr.Dataset) -> "Normalisation":
-        """Those of `strain`, `stress` and the internal variables that the dataset has.
+        """Statistics of `strain`, `stress` and the internal variables of a dataset.
 
         Parameters
         ----------
@@ -41,8 +41,8 @@ class Normalisation:
         RegistryError
             If there is no training split.
         DatasetError
-            If strain, stress or void ratio have a component that never varies in it. Another
-            internal variable may be constant, such as one that a start fixes.
+            If strain, stress or void ratio have a component that never varies. Another internal
+            variable may be constant.
         """
         training = select_split(ds, "train")
         mean, std = {}, {}
@@ -55,7 +55,7 @@ class Normalisation:
             if name in VARIED and not (std[name] > 0.0).all():
                 raise DatasetError(
                     f"{ds.attrs.get('dataset', 'the dataset')}: variable {name!r} has a component "
-                    "that never varies in the training split, so nothing can be divided by its "
-                    "standard deviation; use more training paths"
+                    "that never varies in the training split, so its standard deviation is zero; "
+                    "use more training paths"
                 )
         return cls(mean, std)

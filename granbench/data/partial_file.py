@@ -1,4 +1,4 @@
-"""The `.part` file that a download grows in: a file of its own, whatever has its name before."""
+"""The `.part` file of a download, opened safely whatever has its name before."""
 
 import contextlib
 import os
@@ -11,13 +11,13 @@ from typing import BinaryIO
 def open_partial(path: Path, *, keep: bool) -> BinaryIO:
     """Open the file for writing at its end.
 
-    Its name can be predicted, so that somebody else may have put a link to another file, a FIFO
-    or a folder there. Such a thing is removed, and what it points to is left as it is.
+    Its name is predictable, so another user may have put a link, a FIFO or a folder there. It is
+    removed, and the target of a link is not changed.
 
     Parameters
     ----------
     path : of the `.part` file
-    keep : whether what is in it already is continued; otherwise it begins empty
+    keep : whether its present content is continued; otherwise it begins empty
 
     Raises
     ------
@@ -33,7 +33,7 @@ def open_partial(path: Path, *, keep: bool) -> BinaryIO:
 
 
 def partial_size(path: Path) -> int:
-    """Bytes that a download may continue from; 0 where there is no file of its own."""
+    """Size of the file in bytes; 0 if it is not a regular file with a single name."""
     try:
         status = os.lstat(path)
     except OSError:
@@ -42,7 +42,7 @@ def partial_size(path: Path) -> int:
 
 
 def discard(path: Path) -> None:
-    """Remove whatever has the name of the `.part` file."""
+    """Remove the `.part` file, or what has its name."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
@@ -53,15 +53,15 @@ def _own_file(path: Path) -> BinaryIO:
     descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | _guard())
     if not _is_own(os.fstat(descriptor)):
         os.close(descriptor)
-        raise OSError(f"{path} is not a file of its own")
+        raise OSError(f"{path} is not a regular file with a single name")
     return os.fdopen(descriptor, "ab")
 
 
 def _is_own(status: os.stat_result) -> bool:
-    """A regular file with one name only: a second name may be another file of the user's."""
+    """Whether it is a regular file with one name: a second name may be a file of the user."""
     return stat.S_ISREG(status.st_mode) and status.st_nlink == 1
 
 
 def _guard() -> int:
-    """Flags by which no link is followed and no FIFO is waited for, where the system has them."""
+    """Flags against following links and waiting for a FIFO, if the system has them."""
     return getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)

@@ -1,4 +1,4 @@
-"""What the card of drawn strain paths says beyond that of tests on grains, in Markdown."""
+"""Sections of the card of drawn strain paths, in Markdown."""
 
 import json
 
@@ -10,7 +10,7 @@ from granbench.data.strain_paths import StrainPathStatistics, strain_path_statis
 
 
 def plane_sections(records: xr.Dataset) -> list[str]:
-    """Model, strain paths, scaling, rounding: as much as the records' attributes say.
+    """Sections on model, strain paths, scaling and rounding, as far as the attributes give them.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def _strain_paths(records: xr.Dataset) -> str:
         (split, *_row(strain_path_statistics(select_split(records, split))))
         for split in split_names(records)
     ]
-    # What does not apply to the dataset is left out.
+    # Columns that do not apply to the dataset are left out.
     shown = [number for number in range(len(header)) if any(row[number] for row in rows)]
     return table([header[i] for i in shown], ([row[i] for i in shown] for row in rows))
 

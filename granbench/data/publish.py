@@ -1,4 +1,4 @@
-"""For maintainers: cut the mini tier from a core dataset, and enter a file in the registry.
+"""For maintainers: make the mini tier of a core dataset, and register a file.
 
 ``python -m granbench.data.publish`` computes `attributes_sha256` of the registered files in the
 checkout and writes it into their entries.
@@ -28,7 +28,7 @@ from granbench.records import attributes_hash, open_records, verify, write_recor
 
 MINI_BYTES = 1_000_000
 MINI_SPECIMENS = {"train": 3, "validation": 1, "test": 2}
-"""Packings of each split in the mini tier; two of any other split. Replicates come on top."""
+"""Packings of each split in the mini tier; two of any other split. Replicates are added."""
 MINI_REPLICATES = 2
 MINI_PATHS = {"train": 64, "validation": 16, "test": 24}
 """Strain paths of each split in the mini tier, of a dataset where each is a specimen of its own;
@@ -38,9 +38,9 @@ eight of any other split."""
 def make_mini(ds: xr.Dataset) -> xr.Dataset:
     """A few paths of a dataset: every split, every loading family, and two replicated packings.
 
-    Each chosen packing gives its first path of every family, with all its steps, so that the
-    mini tier runs through everything that the core dataset does. Of strain paths that are
-    specimens of their own more are taken.
+    The first path of every family is taken from each chosen packing, with all its steps, so that
+    the mini tier covers everything in the core dataset. If every strain path is its own specimen,
+    more are taken.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def make_mini(ds: xr.Dataset) -> xr.Dataset:
 def _mini_specimens(ds: xr.Dataset) -> list[str]:
     """Names of the chosen packings: replicated ones first, then the most different ones.
 
-    A specimen of a dataset that does not say how it was prepared is of a kind of its own.
+    Without a recorded preparation, every specimen is a kind of its own.
     """
     names = ds["specimen"].values.astype(str).tolist()
     replicates_of = ds["replicate"].values if "replicate" in ds.coords else np.zeros(len(names))
@@ -114,7 +114,7 @@ def write_mini(ds: xr.Dataset, folder: Path) -> Path:
 
 
 def publish_mini(file: Path, *, replace: bool = False) -> RegistryEntry:
-    """Cut the mini tier of a core dataset's file into the package and register it.
+    """Write the mini tier of a core dataset into the package and register it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The registry: one YAML file a dataset and version, the only place that knows where files are."""
+"""The registry: one YAML file for each dataset and version, with the addresses of its file."""
 
 import difflib
 from pathlib import Path
@@ -8,6 +8,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
 from granbench.errors import RegistryError
+from granbench.files.validation import first_fault
 
 REGISTRY_FOLDER = Path(__file__).parent / "registry"
 
@@ -20,20 +21,20 @@ class RegistryEntry(BaseModel):
 
     Parameters
     ----------
-    id : what users call the dataset
+    id : name of the dataset
     version : semantic version
     title : one line for listings
-    tier : `mini` (inside the wheel), `core` (the leaderboard's) or `paper` (a cluster's)
+    tier : `mini` (inside the wheel), `core` (of the leaderboard) or `paper` (made on a cluster)
     licence : SPDX identifier
     thesis_section : section of Guan (2023) that it follows
     file : name of the netCDF file on every mirror
     bytes, sha256 : size and hash of that file
     content_sha256 : hash of its values, see `granbench.records.content_hashes`
-    attributes_sha256 : hash of what it says of itself, see `granbench.records.attributes_hash`
+    attributes_sha256 : hash of its attributes, see `granbench.records.attributes_hash`
     split_sha256 : hash of the frozen split, see `granbench.data.splits.split_hash`
     generator : command that made it
-    generator_seconds : about how long that command takes on two cores; None where it is not a
-        `granbench generate` that anyone can run
+    generator_seconds : approximate duration of that command on two cores; None if it is not a
+        `granbench generate` command that anyone can run
     mirrors : folders or http(s) addresses that hold the file, tried in order
     """
 
@@ -62,7 +63,7 @@ class RegistryEntry(BaseModel):
 
 
 def entry_path(identifier: str, version: str) -> Path:
-    """Where the registry keeps an entry."""
+    """The file of an entry."""
     return REGISTRY_FOLDER / f"{identifier}-{version}.yaml"
 
 
@@ -90,11 +91,7 @@ def checked_entry(fields: Any, source: str) -> RegistryEntry:
     try:
         return RegistryEntry.model_validate(fields)
     except ValidationError as error:
-        first = error.errors()[0]
-        field = ".".join(map(str, first["loc"])) or "the whole entry"
-        raise RegistryError(
-            f"{source}: {field}: {first['msg']}; correct the registry entry"
-        ) from error
+        raise RegistryError(f"{source}: {first_fault(error)}; fix the registry entry") from error
 
 
 def _read(path: Path) -> RegistryEntry:
@@ -102,7 +99,7 @@ def _read(path: Path) -> RegistryEntry:
         fields = yaml.safe_load(path.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         reason = " ".join(str(error).split())
-        raise RegistryError(f"{path}: is not YAML ({reason}); correct the entry") from error
+        raise RegistryError(f"{path}: is not YAML ({reason}); fix the entry") from error
     return checked_entry(fields, str(path))
 
 
@@ -112,7 +109,7 @@ def entry(name: str) -> RegistryEntry:
     Raises
     ------
     RegistryError
-        If it is unknown; the text lists what comes near.
+        If it is unknown; the text lists similar names.
     """
     identifier, _, version = name.partition("@")
     known = entries()
@@ -121,7 +118,7 @@ def entry(name: str) -> RegistryEntry:
         names = list(dict.fromkeys(candidate.id for candidate in known))
         near = difflib.get_close_matches(identifier, names, n=3)
         hint = f"did you mean {' or '.join(near)}" if near else f"use one of {', '.join(names)}"
-        raise RegistryError(f"unknown dataset {identifier!r}; {hint} (`granbench data list`)")
+        raise RegistryError(f"unknown dataset {identifier!r}; {hint}")
     if not version:
         return named[0]
     for candidate in named:

@@ -1,4 +1,4 @@
-"""Scatter between packings prepared alike: the error that no honest model can undercut."""
+"""Scatter between packings prepared alike: a lower bound of the error of any model."""
 
 from dataclasses import asdict, dataclass
 
@@ -30,9 +30,9 @@ class ReplicateScatter:
         by the training standard deviation
     stress_mse : mean square of the same over the components; twice the variance of a packing
         about the mean of its kind
-    floor_mse : half of `stress_mse`: what a model scores that predicts that mean exactly, in
-        the unit of the models' normalised MSE
-    floor_median : the same of the median pair, to be set beside a model's median path
+    floor_mse : half of `stress_mse`: the score of a model that predicts that mean exactly, in the
+        unit of the normalised MSE of models
+    floor_median : the same of the median pair, for comparison with the median path of a model
     void_ratio_rms : RMS difference of void ratio, absolute; None without void ratio
     """
 
@@ -50,7 +50,7 @@ class ReplicateScatter:
 
 
 def replicate_pairs(ds: xr.Dataset) -> list[tuple[int, int]]:
-    """Rows (original, replicate) of paths that differ only in the packing's seed.
+    """Rows (original, replicate) of paths that differ only in the seed of the packing.
 
     Parameters
     ----------

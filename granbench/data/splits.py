@@ -1,4 +1,4 @@
-"""Splits are frozen in the files: chosen by name, hashed, and checked for leaks."""
+"""Splits of a dataset, which are stored in its file: selection, hash and check for leaks."""
 
 import hashlib
 import json
@@ -11,8 +11,8 @@ from granbench.errors import RegistryError
 from granbench.records.schema import path_blocks
 
 FEATURE_STEPS = 61
-"""Steps of a path that the nearest-path distance looks at, evenly spaced: enough for the shape
-of a curve, and the distances of a thousand paths still fit in a few MB."""
+"""Evenly spaced steps of a path for the nearest-path distance: enough for the shape of a curve, and
+the distances of a thousand paths fit in a few MB."""
 
 
 def split_names(ds: xr.Dataset) -> tuple[str, ...]:
@@ -40,7 +40,7 @@ def select_split(ds: xr.Dataset, split: str) -> xr.Dataset:
 
 
 def split_hash(ds: xr.Dataset) -> str:
-    """SHA-256 over the (path, specimen, split) triples, whatever their order."""
+    """SHA-256 over the (path, specimen, split) triples, independent of their order."""
     columns = (ds[name].values.astype(str).tolist() for name in ("path_id", "specimen", "split"))
     triples = sorted(zip(*columns, strict=True))
     return hashlib.sha256(json.dumps(triples, ensure_ascii=False).encode()).hexdigest()
@@ -48,7 +48,7 @@ def split_hash(ds: xr.Dataset) -> str:
 
 @dataclass(frozen=True)
 class LeakReport:
-    """What two splits have in common; a sound dataset has three empty tuples.
+    """What splits have in common; a dataset without leaks has three empty tuples.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class LeakReport:
 
 
 def leak_report(ds: xr.Dataset) -> LeakReport:
-    """Look for specimens, preparations and paths that two splits share.
+    """Find specimens, preparations and paths that two splits share.
 
     Parameters
     ----------
@@ -133,6 +133,6 @@ def _nearest(ds: xr.Dataset, split: np.ndarray) -> dict[str, float]:
         for other in names[i + 1 :]:
             a, b = features[split == one], features[split == other]
             squared = (a**2).sum(1)[:, None] + (b**2).sum(1) - 2.0 * a @ b.T
-            # Cancellation may leave the distance of equal paths a little below zero.
+            # Through cancellation the squared distance of equal paths may be slightly negative.
             nearest[f"{one}-{other}"] = float(np.sqrt(max(0.0, squared.min()) / features.shape[1]))
     return nearest

@@ -1,4 +1,4 @@
-"""Datasets by name: found in place, or fetched or made in the user's cache, and opened."""
+"""Datasets by name: found on this machine, or fetched or made in the cache, and opened."""
 
 import contextlib
 import os
@@ -9,7 +9,7 @@ from pathlib import Path
 import pooch
 import xarray as xr
 
-from granbench.data.download import Progress
+from granbench.data.download import OnBytes
 from granbench.data.fetch import (
     MIRROR_VARIABLE,
     NoMirrorError,
@@ -27,7 +27,7 @@ from granbench.records import mark_as_checked, open_records
 
 CACHE_VARIABLE = "GRANBENCH_CACHE"
 DEFAULTS = ("dem-triaxial", "dem-triaxial-mini")
-"""Datasets that a command takes where none is named, the first that is there."""
+"""Default datasets of a command; the first that is on this machine is used."""
 
 REGISTERED_NAME = re.compile(r"[a-z0-9-]+(@[0-9.]+)?")
 
@@ -40,7 +40,7 @@ def cache_folder() -> Path:
     Raises
     ------
     ConfigurationError
-        If the variable names no folder.
+        If the variable does not name a folder.
     """
     chosen = os.environ.get(CACHE_VARIABLE)
     try:
@@ -58,15 +58,15 @@ def cache_folder() -> Path:
 
 
 def making_folder() -> Path:
-    """Where datasets are made that no mirror gives."""
+    """The folder for datasets that are made here because no mirror provides them."""
     return cache_folder() / "made"
 
 
 def local_file(entry: RegistryEntry) -> Path | None:
-    """The entry's file where it already is on this machine - wheel, checkout or cache - or None.
+    """The file of an entry on this machine, in wheel, checkout or cache, or None.
 
-    A file counts only if size and SHA-256 agree with the registry, or, where it was made here, if
-    its values do; one that was checked is not read again in this process unless it changes.
+    Size and SHA-256 must agree with the registry, or its values if it was made here; a checked file
+    is not read again in this process unless it changes.
     """
     for folder in (*folders_of(entry), cache_folder()):
         if _is_whole(folder / entry.file, entry):
@@ -75,7 +75,7 @@ def local_file(entry: RegistryEntry) -> Path | None:
 
 
 def present_file(entry: RegistryEntry) -> Path | None:
-    """As `local_file`, but only the size is compared: for listings."""
+    """Like `local_file`, but only the size is compared, for listings."""
     for folder in (*folders_of(entry), cache_folder()):
         path = folder / entry.file
         with contextlib.suppress(OSError):
@@ -101,32 +101,32 @@ def _is_whole(path: Path, entry: RegistryEntry) -> bool:
 
 
 def registered_file(path: Path) -> RegistryEntry | None:
-    """The entry whose file this is, byte for byte; None if it is no registered file.
+    """The entry with this file, byte for byte; None if the file is not registered.
 
     Parameters
     ----------
-    path : a file by whatever name
+    path : a file with any name
     """
     candidates = (entry for entry in entries() if _is_whole(path, entry))
     return next(candidates, None)
 
 
-def dataset_file(name: str, progress: Progress | None = None, *, minutes: bool = False) -> Path:
+def dataset_file(name: str, progress: OnBytes | None = None, *, minutes: bool = False) -> Path:
     """The checked file of a registered dataset, fetched or made when it is not on this machine.
 
     Parameters
     ----------
     name : `dem-triaxial` for the newest version, `dem-triaxial@1.0.0` for that one
     progress : called while the file is fetched
-    minutes : whether a dataset that no mirror gives may be made here for some minutes; one that
-        takes seconds is made in any case
+    minutes : whether a dataset that no mirror provides may be made here if it takes minutes; one
+        that takes seconds is always made
 
     Raises
     ------
     RegistryError
-        If nobody registered the name.
+        If the name is not registered.
     DownloadError
-        If no mirror gives the file and it is not made here; the text says what can be done.
+        If no mirror provides the file and it is not made here; the text names the remedies.
     DatasetError
         If what was made here is not the registered dataset.
     """
@@ -140,9 +140,9 @@ def dataset_file(name: str, progress: Progress | None = None, *, minutes: bool =
 
 
 def bring(
-    name: str, folder: Path, progress: Progress | None = None, *, minutes: bool = False
+    name: str, folder: Path, progress: OnBytes | None = None, *, minutes: bool = False
 ) -> Path:
-    """A registered dataset's file in a folder of the user's choice.
+    """The file of a registered dataset, copied into a folder.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def bring(
 
 
 def _made(entry: RegistryEntry, failure: NoMirrorError, *, minutes: bool) -> Path:
-    """The file made here, or the sentence that says what a user can do to get it."""
+    """The file made here; otherwise an error with the ways to get it."""
     if made := made_file(entry, making_folder()):
         return made
     if is_made_at_once(entry) or (minutes and is_made_on_request(entry)):
@@ -175,21 +175,21 @@ def _made(entry: RegistryEntry, failure: NoMirrorError, *, minutes: bool) -> Pat
         "install the package granbench-data, which holds it",
         "run in a checkout of GranBench",
         f"set {MIRROR_VARIABLE} to a folder or address that holds {entry.file}",
-        *filter(None, [how_to_make(entry)]),
     ]
     raise DownloadError(
-        f"{entry.id} {entry.version} could not be fetched ({failure.tried}): "
-        f"{'; or '.join(ways)}. On this machine: {here or 'no dataset'}"
+        f"{entry.id} {entry.version} could not be fetched ({failure.tried}): {'; or '.join(ways)}",
+        *how_to_make(entry),
+        f". On this machine: {here or 'no dataset'}",
     ) from failure
 
 
 def default_dataset() -> str:
-    """What is trained and scored on where no dataset is named: one that is on this machine."""
+    """The default dataset of training and scoring: one that is on this machine."""
     present = {entry.id for entry in entries() if present_file(entry)}
     return next((name for name in DEFAULTS if name in present), DEFAULTS[0])
 
 
-def load(name: str, split: str | None = None, progress: Progress | None = None) -> xr.Dataset:
+def load(name: str, split: str | None = None, progress: OnBytes | None = None) -> xr.Dataset:
     """A registered dataset, opened lazily.
 
     Parameters
@@ -207,19 +207,19 @@ def load(name: str, split: str | None = None, progress: Progress | None = None) 
     RegistryError
         If the dataset or the split is unknown.
     DownloadError
-        If no mirror gives the file and it does not take seconds to make; see `dataset_file`.
+        If no mirror provides the file and it is not made here; see `dataset_file`.
     """
     ds = open_records(dataset_file(name, progress))
     return ds if split is None else select_split(ds, split)
 
 
-def file_of(name_or_file: str, progress: Progress | None = None) -> Path:
-    """A file by its path, or a registered dataset's by its name.
+def file_of(name_or_file: str, progress: OnBytes | None = None) -> Path:
+    """A file by its path, or the file of a registered dataset by its name.
 
     Raises
     ------
     DatasetError
-        If it looks like a path and there is no such file.
+        If it is a path and there is no such file.
     """
     path = Path(name_or_file)
     if path.is_file():
@@ -229,7 +229,7 @@ def file_of(name_or_file: str, progress: Progress | None = None) -> Path:
         raise DatasetError(f"{name_or_file}: is a folder; give a netCDF file in it")
     if not REGISTERED_NAME.fullmatch(name_or_file):
         raise DatasetError(
-            f"{name_or_file}: there is no such file; give a netCDF file or a name of "
-            "`granbench data list`"
+            f"{name_or_file}: there is no such file; give a netCDF file or the name of a "
+            "registered dataset"
         )
     return dataset_file(name_or_file, progress)

@@ -1,4 +1,4 @@
-"""Drawn strain paths in numbers: how far and how fast they go, and what stress they meet."""
+"""Statistics of drawn strain paths: their size, their increments and their stresses."""
 
 from dataclasses import asdict, dataclass
 
@@ -10,7 +10,7 @@ from granbench.tensors import component_order, frobenius_norm
 
 @dataclass(frozen=True)
 class StrainPathStatistics:
-    """Statistics over every step of some paths.
+    """Statistics over every step of several paths.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class StrainPathStatistics:
 
 
 def strain_path_statistics(records: xr.Dataset) -> StrainPathStatistics:
-    """The statistics of all paths of some records, whatever their component order."""
+    """The statistics of all paths of records in any component order."""
     labels = tuple(map(str, records["component"].values))
     strain = records["strain"].values.astype(np.float64)
     stress = records["stress"].values.astype(np.float64)

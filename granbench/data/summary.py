@@ -1,4 +1,4 @@
-"""A dataset in numbers: what `granbench data info` prints and a dataset card begins with."""
+"""Summary of a dataset in numbers, for `granbench data info` and the dataset card."""
 
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ QUALITY = {
     "peak_inertial_number": "max",
     "box_edge_ratio": "min",
 }
-"""Per-path quality measures and which of their extremes is the worst."""
+"""Quality measures of paths, and which of their extremes is the worst."""
 
 
 def summarise(ds: xr.Dataset) -> dict[str, Any]:
@@ -30,9 +30,9 @@ def summarise(ds: xr.Dataset) -> dict[str, Any]:
 
     Returns
     -------
-    What the dataset has no coordinate for is left out; `replicate_scatter` is None when no
-    packing was prepared twice. Drawn strain paths, in the `plane` order, are described by
-    split in `strain_paths`.
+    Entries without a coordinate in the dataset are left out; `replicate_scatter` is None if no
+    packing was prepared twice. Drawn strain paths, in the `plane` order, are described by split in
+    `strain_paths`.
     """
     summary: dict[str, Any] = {
         "dataset": str(ds.attrs["dataset"]),
@@ -84,7 +84,7 @@ def summarise_file(path: Path) -> dict[str, Any]:
     Raises
     ------
     DatasetError
-        If the file is none, or is sealed and differs from its hashes.
+        If it is not a file of records, or is sealed and differs from its hashes.
     """
     with open_records_here(path) as ds:
         _check_seal(ds, path)
@@ -137,7 +137,7 @@ def draw_file(path: Path, out: Path, paths: list[str] | None = None) -> Path:
 
 
 def _check_seal(ds: xr.Dataset, path: Path) -> None:
-    """A sealed file is what its hashes say; one that was never sealed may be anyone's."""
+    """Verify the hashes of a file, if it has any."""
     if "content_sha256" in ds.attrs:
         verify(ds, str(path))
 

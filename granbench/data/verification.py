@@ -1,13 +1,14 @@
-"""Whether a file is what it says it is, and what the registry says of it."""
+"""Verification of a file against its own hashes and the registry."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
+from granbench.data.download import OnBytes
 from granbench.data.registry import RegistryEntry, entries
 from granbench.data.splits import split_hash
-from granbench.data.store import Progress, file_of, registered_file
+from granbench.data.store import file_of, registered_file
 from granbench.errors import DatasetError
 from granbench.files.bounded_reading import read_bounded
 from granbench.records import (
@@ -23,7 +24,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Identity:
-    """What a verified file calls itself, and the hashes by which the registry knows it.
+    """Name, version and hashes of a verified file, for comparison with the registry.
 
     Parameters
     ----------
@@ -38,13 +39,13 @@ class Identity:
     attributes_sha256: str
 
 
-def task_file(name_or_file: str, progress: Progress | None = None) -> Path:
-    """The checked file of a task: what a model is trained or scored on is what it says it is.
+def task_file(name_or_file: str, progress: OnBytes | None = None) -> Path:
+    """The verified file of a task, for training and scoring.
 
     Parameters
     ----------
-    name_or_file : as for `file_of`; a file of the user's is verified whole, a registered
-        dataset's was checked when it was fetched
+    name_or_file : as for `file_of`; a file of the user is verified completely, that of a registered
+        dataset was checked when it was fetched
     progress : called while a file is fetched
 
     Raises
@@ -61,8 +62,8 @@ def task_file(name_or_file: str, progress: Progress | None = None) -> Path:
 def verify_file(path: Path) -> RegistryEntry | None:
     """Recompute every hash of a file, and compare it with the registry if its version is there.
 
-    A file that is not a registered one byte for byte is read in a child process with bounds on
-    memory and time.
+    A file that is not registered, byte for byte, is read in a child process with bounds on memory
+    and time.
 
     Parameters
     ----------
@@ -70,9 +71,8 @@ def verify_file(path: Path) -> RegistryEntry | None:
 
     Returns
     -------
-    The registry entry that it agrees with, or None for a dataset that nobody registered: of that
-    its values and its configuration agree with its own hashes, and who made it or what else it says
-    of itself nothing can vouch for
+    The registry entry that it agrees with, or None for a dataset that is not registered: its values
+    and its configuration agree with its own hashes, but its other attributes cannot be verified
 
     Raises
     ------
@@ -95,9 +95,9 @@ def read_as_trusted(
 
     Parameters
     ----------
-    path : the file; one that is registered, byte for byte, is read in this process, any other one
-        as `granbench.files.bounded_reading.read_bounded` does
-    function : of the path and of `arguments` and `options`; see `read_bounded`
+    path : the file; a registered file, byte for byte, is read in this process, any other as by
+        `granbench.files.bounded_reading.read_bounded`
+    function : called with the path, `arguments` and `options`; see `read_bounded`
 
     Raises
     ------
@@ -110,7 +110,7 @@ def read_as_trusted(
 
 
 def identify(path: Path) -> Identity:
-    """Verify a file, in this process, and say what it is.
+    """Verify a file, in this process, and return its identity.
 
     Raises
     ------
@@ -129,18 +129,18 @@ def identify(path: Path) -> Identity:
 
 
 def _compare(found: Identity, entry: RegistryEntry, path: Path) -> None:
-    # The splits first: that they moved says more than that some value did.
+    # The splits first: a changed split is more specific than changed values.
     for what in ("split", "content", "attributes"):
         mine = getattr(found, f"{what}_sha256")
         registered = getattr(entry, f"{what}_sha256")
         if mine != registered:
             changed = (
-                "what it says of itself (ground truth, licence, units and the like) was changed"
+                "its attributes (ground truth, licence, units and the like) were changed"
                 if what == "attributes"
                 else "it was changed and sealed again"
             )
             raise DatasetError(
-                f"{path}: calls itself {found.name} {found.version}, but its {what}_sha256 "
+                f"{path}: its name is {found.name} {found.version}, but its {what}_sha256 "
                 f"{mine[:12]}... is not the registered {registered[:12]}...; {changed}: fetch it "
-                "with `granbench data fetch`, or give your own data another name"
+                "again, or give your own data another name"
             )

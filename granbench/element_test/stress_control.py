@@ -5,7 +5,7 @@ Newton's method on x in ``dstrain = driven + free @ x``, for all points of a bat
     r(x) = held @ stress(driven + free @ x) - target = 0
     x <- x - a (held @ C @ free)^-1 r,          C = d stress / d strain, the cell's tangent
 
-with a = 1, or less where that does not lessen r. Every trial starts from the same stored state.
+with a = 1, or less where that does not reduce r. Every trial starts from the same stored state.
 """
 
 from dataclasses import dataclass
@@ -18,30 +18,30 @@ from granbench.cells.robust_runs import finite_points, robust_call
 from granbench.cells.work_budget import spend
 
 ARMIJO = 1e-4
-"""Share of the error that a full Newton step takes off at least; a shorter one, in proportion."""
+"""Least reduction of the error by a full Newton step, as a share; less for a shorter step."""
 
 
 @dataclass(frozen=True)
 class IterationLimits:
-    """How much is tried before a point is given up.
+    """How much is tried before a point counts as failed.
 
     Parameters
     ----------
     iterations : of Newton's method in an increment
-    halvings : of a Newton step that does not lessen the error, before the increment is given up
-    smallest_share : of a step, below which an increment is not cut
-    refusals : answers without a stress that a point may give in one step
+    halvings : of a Newton step that does not reduce the error, before the increment fails
+    smallest_share : of a step, below which an increment is not divided
+    failed_calls : calls in one step that may leave a point without a stress
     """
 
     iterations: int = 30
     halvings: int = 8
     smallest_share: float = 2.0**-10
-    refusals: int = 300
+    failed_calls: int = 300
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What a cell answers to trial values of the free strains.
+    """The stress of a cell for trial values of the free strains.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Trial:
     error: Tensor
 
     def replaced(self, where: Tensor, other: "Trial") -> "Trial":
-        """This trial, but the other one at the points where the mask is true."""
+        """This trial, with the other one at the points where the mask is true."""
         merged = {}
         for name, own in vars(self).items():
             mask = where.reshape(-1, *(1,) * (own.ndim - 1))
@@ -76,14 +76,14 @@ class StressControl:
     free : (point, component, control), strain directions that follow the stresses
     held : (point, control, component), stress combinations that are held
     tolerance : of the held stresses, relative to the stress scale
-    patience : how much is tried
+    limits : how much is tried
     """
 
     cell: MaterialCell
     free: Tensor
     held: Tensor
     tolerance: float
-    patience: IterationLimits
+    limits: IterationLimits
 
     def freed(self, x: Tensor) -> Tensor:
         """Strain (point, component) of free strains (point, control)."""
@@ -102,7 +102,7 @@ class StressControl:
         where: Tensor,
         scale: Tensor,
     ) -> tuple[Trial, Tensor]:
-        """The trial nearest to the targets; an error above the tolerance says that it failed.
+        """The best trial; it has failed where its error is above the tolerance.
 
         Parameters
         ----------
@@ -110,42 +110,42 @@ class StressControl:
         driven : (point, component), prescribed part of the increment
         target : (point, control), Pa
         guess : (point, control), free strains to start from
-        where : (point,), the points that are asked for; at others the trial means nothing
-        scale : (point,), Pa; zero for that of the first answer
+        where : (point,), the points to solve for; at others the trial has no meaning
+        scale : (point,), Pa; zero for the size of the first stress
 
         Returns
         -------
         trial : the best
-        refusals : (point,), how often the cell gave a point no stress
+        failed_calls : (point,), number of calls that left the point without a stress
         """
         increment = _Increment(self, state, driven, target, scale)
         at = increment.trial(guess, where)
-        refusals = (where & at.error.isinf()).long()
-        for _ in range(self.patience.iterations):
-            # Without a stress there is no step, and the cell would only repeat its answer.
-            going = where & (at.error > self.tolerance) & at.error.isfinite()
-            if not going.any():
+        failed_calls = (where & at.error.isinf()).long()
+        for _ in range(self.limits.iterations):
+            # Without a stress there is no Newton step, and the same call would fail again.
+            active = where & (at.error > self.tolerance) & at.error.isfinite()
+            if not active.any():
                 break
-            step = increment.newton_step(at, going)
-            nearer = torch.zeros_like(going)
-            going = going & (step != 0.0).any(dim=1)
-            for halving in range(self.patience.halvings + 1):
+            step = increment.newton_step(at, active)
+            improved = torch.zeros_like(active)
+            active = active & (step != 0.0).any(dim=1)
+            for halving in range(self.limits.halvings + 1):
                 length = 0.5**halving
-                moving = going & ~nearer & (refusals < self.patience.refusals)
+                moving = active & ~improved & (failed_calls < self.limits.failed_calls)
                 if not moving.any():
                     break
                 trial = increment.trial(at.x - length * step, moving)
-                refusals = refusals + (moving & trial.error.isinf())
+                failed_calls = failed_calls + (moving & trial.error.isinf())
                 better = moving & (trial.error < (1.0 - ARMIJO * length) * at.error)
                 at = at.replaced(better, trial)
-                nearer = nearer | better
-            where = where & nearer
-        return at, refusals
+                improved = improved | better
+            where = where & improved
+        return at, failed_calls
 
 
 @dataclass(frozen=True)
 class _Increment:
-    """One increment of a batch: state before it, what is driven, what is wanted."""
+    """One increment of a batch: the state before it, the prescribed strain, the target stress."""
 
     control: StressControl
     state: Tensor
@@ -154,17 +154,17 @@ class _Increment:
     scale: Tensor
 
     def trial(self, x: Tensor, where: Tensor) -> Trial:
-        """What the cell answers to free strains."""
+        """The stress of the cell for free strains x."""
         spend()
         stress, after, *_ = robust_call(self.control.cell.step, self._strain(x, where), self.state)
         residual = self.control.combined(stress) - self.target
         scale = torch.where(self.scale > 0.0, self.scale, stress.double().abs().amax(dim=1))
         error = residual.abs().amax(dim=1) / torch.where(scale > 0.0, scale, 1.0)
-        sound = finite_points(stress) & finite_points(after)
-        return Trial(x, stress, after, residual, torch.where(sound, error, torch.inf))
+        finite = finite_points(stress) & finite_points(after)
+        return Trial(x, stress, after, residual, torch.where(finite, error, torch.inf))
 
     def newton_step(self, at: Trial, where: Tensor) -> Tensor:
-        """(held C free)^-1 r, (point, control); zero where that is undefined or not asked for."""
+        """(held C free)^-1 r, (point, control); zero where it is undefined or not needed."""
         control = self.control
         *_, stiffness = robust_call(control.cell.tangent, self._strain(at.x, where), self.state)
         matrix = control.held @ stiffness.double() @ control.free
@@ -173,6 +173,6 @@ class _Increment:
         return torch.where(defined[:, None], step, 0.0)
 
     def _strain(self, x: Tensor, where: Tensor) -> Tensor:
-        """What the cell is given; zero, which costs it least, at points not asked for."""
+        """The strain increment of the cell; zero, which costs least, at points that are done."""
         dstrain = torch.where(where[:, None], self.driven + self.control.freed(x), 0.0)
         return dstrain.to(self.control.cell.dtype)

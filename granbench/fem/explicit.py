@@ -29,7 +29,7 @@ from granbench.errors import AnalysisError
 from granbench.fem.assembled_loading import AssembledLoading
 from granbench.fem.gauss_points import GaussPoints
 from granbench.fem.mesh import Floats
-from granbench.fem.operators import Operators, product
+from granbench.fem.operators import Operators
 from granbench.fem.result import Recorder
 from granbench.fem.time_step import ExplicitSettings, choose_time_step, output_steps
 
@@ -157,7 +157,7 @@ class _Motion:
         # Local names, and results into arrays that are there: the loop runs thousands of times
         # over a few hundred numbers, where a call costs more than what it does.
         points, loading, unit = self.points, self.loading, self.loading.unit
-        strain_of, force_of = product(self.operators.strain), product(self.operators.force)
+        strain_matrix, force_matrix = self.operators.strain, self.operators.force
         multiply, add, subtract = np.multiply, np.add, np.subtract
         mass, gain, loss = self.mass, self.gain, self.loss
         damping_mass = (self.rate / self.dt) * mass
@@ -194,9 +194,9 @@ class _Motion:
                 external_work += float((mass * jump) @ (before + du)) / self.dt**2
             add(displacement, du, displacement)
             # I+ = B^T W sigma(B du+)
-            stress = points.step(strain_of(du), begin + local + 1)
+            stress = points.step(strain_matrix @ du, begin + local + 1)
             points.accept()
-            previous, internal = internal, force_of(stress)
+            previous, internal = internal, force_matrix @ stress
             # P+, the reaction d(t) . (I+ - P+), and what damping, stresses, loads and drive do
             damping_work += drag @ before + drag @ du
             internal_work += previous @ du + internal @ du

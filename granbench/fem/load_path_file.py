@@ -13,7 +13,7 @@ from granbench.tables.table_files import read_table
 from granbench.tables.tables import Column, Table
 from granbench.units.known_units import (
     length_factor,
-    split_strange_unit,
+    split_unknown_unit,
     text_behind_unit,
     time_factor,
 )
@@ -96,12 +96,12 @@ def _name(column: Column) -> str:
     """The name of a column in small letters; text behind the unit makes it another column."""
     if text_behind_unit(column.header):
         return column.header
-    name, _ = split_strange_unit(column.name) or (column.name, None)
+    name, _ = split_unknown_unit(column.name) or (column.name, None)
     return name.lower() if name.lower() in COLUMNS else column.name
 
 
 def _unit(column: Column) -> str | None:
-    return column.unit or (split_strange_unit(column.name) or ("", None))[1]
+    return column.unit or (split_unknown_unit(column.name) or ("", None))[1]
 
 
 def _numbers(table: Table, column: Column, name: str) -> tuple[float, ...]:

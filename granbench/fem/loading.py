@@ -75,18 +75,6 @@ class LoadingHistory:
         lengths = np.abs(np.diff(values))
         return cls((0.0, *np.cumsum(lengths / speed)), values)
 
-    @classmethod
-    def of_velocity(cls, times: Sequence[float], velocities: Sequence[float]) -> LoadingHistory:
-        """Displacement of a velocity that is constant between given times.
-
-        Parameters
-        ----------
-        times : (n + 1,), s
-        velocities : (n,), m/s, of each interval
-        """
-        lengths = np.diff(times) * np.asarray(velocities, float)
-        return cls(tuple(times), (0.0, *np.cumsum(lengths)))
-
     @property
     def end(self) -> float:
         """Last given time, s."""

@@ -2,7 +2,7 @@ r"""What a mesh does to numbers: sparse matrices between nodes and Gauss points,
 
     strain   d eps = B du                         (Eq 5.5)
     force    I = B^T W sigma                      (Eq 5.2)
-    mass     M = rho int N N dA                   (Eq 5.3)
+    mass     M = rho int N N dA, lumped           (Eq 5.3)
 
 A nodal vector holds x of all nodes, then y: (2 node,). A Gauss-point vector is component-major:
 xx of all points, then yy, then the tensor shear xy: (3 point,). Displacements and forces follow
@@ -20,11 +20,6 @@ import numpy as np
 import skfem
 from scipy import sparse
 from scipy.sparse import csr_array
-
-try:
-    from scipy.sparse._sparsetools import csr_matvec
-except ImportError:  # it is scipy's own affair, and may move
-    csr_matvec = None
 
 from granbench.fem.mesh import Floats, PlaneMesh
 from granbench.tensors import (
@@ -95,13 +90,6 @@ class Operators:
             self.mesh.element_nodes.ravel(), self.element_volumes.ravel(), self.node_count
         )
         return density * np.tile(share, 2)
-
-    def consistent_mass(self, density: float) -> csr_array:
-        """Consistent mass matrix, (2 node, 2 node), kg/m."""
-        order = 2 * self.mesh.kind.shape().maxdeg
-        basis = skfem.CellBasis(self.mesh.geometry, self.mesh.kind.shape(), intorder=order)
-        scalar = skfem.BilinearForm(lambda u, v, w: u * v).assemble(basis)
-        return csr_array(density * sparse.block_diag([scalar, scalar]))
 
     def pressure_force(self, boundary: str) -> Floats:
         """Nodal forces of a unit pressure on a named boundary, (2 node,), m.
@@ -198,24 +186,6 @@ def _global(local: Floats, dofs: np.ndarray, columns: int) -> csr_array:
         (local[kept], (row[kept], column[kept])), shape=(components * count, columns)
     )
     return _compact(csr_array(matrix))
-
-
-def product(matrix: csr_array) -> Callable[[Floats], Floats]:
-    """What multiplies a matrix with a vector, as ``matrix @ vector`` and at half its cost.
-
-    At some hundred Gauss points scipy takes as long to look at its arguments as to multiply.
-    """
-    if csr_matvec is None:
-        return matrix.__matmul__
-    rows, columns = matrix.shape
-    parts = (rows, columns, matrix.indptr, matrix.indices, matrix.data)
-
-    def times(vector: Floats) -> Floats:
-        result = np.zeros(rows)
-        csr_matvec(*parts, vector, result)
-        return result
-
-    return times
 
 
 def _compact(matrix: csr_array) -> csr_array:

@@ -1,1 +1,1 @@
-"""Reading and writing of files: whole or not at all, and within bounds on memory and time."""
+"""Reading of files within bounds on memory and time, and writing of complete files."""

@@ -1,8 +1,8 @@
-"""Files from outside are read in a child process with bounds on its memory and its time.
+"""Reading of files from outside in a child process with bounds on memory and time.
 
-A damaged or hostile file can make a library allocate without end, loop without end or crash. None
-of that can be ruled out from the outside, so such a file is opened in a process that the operating
-system ends at the bound; the process that asked goes on and says what happened.
+A damaged or hostile file can make a library allocate memory without limit, loop forever or crash.
+That cannot be checked beforehand, so such a file is opened in a process that the operating system
+ends at the bound; the parent process continues and reports what happened.
 
 One server process is started when first needed. It forks for every file, so that a read costs
 milliseconds, and it ends with the process that started it.
@@ -26,14 +26,14 @@ from typing import Any, ParamSpec, TypeVar
 from granbench.errors import GranbenchError
 
 LONGEST_READ = 60.0
-"""Seconds of wall clock that reading a small file may take."""
+"""Largest wall-clock time for reading a small file, seconds."""
 LONGEST_COMPUTATION = 8.0
-"""Seconds of processor time that reading a small file may take."""
+"""Largest processor time for reading a small file, seconds."""
 SECONDS_PER_BYTE = 1e-5
-"""By which both grow with the size of the file: 10 s a megabyte, far more than any needs."""
+"""Increase of both with the size of the file: 10 s per megabyte, far more than needed."""
 MOST_MEMORY = 3 * 2**29
-"""Bytes that the process which reads one file may allocate beyond what it starts with: with the
-libraries it stays below 2 GB."""
+"""Memory in bytes that the process may allocate for one file, beyond that at its start; in total it
+stays below 2 GB."""
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -45,13 +45,13 @@ _BOOT = (
 _preparations: list[Callable[[], object]] = []
 _lock = threading.Lock()
 _server: tuple[int, "subprocess.Popen[bytes]"] | None = None
-"""The process that started the server (a fork must not share it), and the server."""
+"""Number of the process that started the server (a fork must not share it), and the server."""
 
 
 def prepare_server(function: Callable[[], object]) -> None:
-    """Register what the server calls once, after the import of the module that registers it.
+    """Register a function that the server calls once, after importing the registering module.
 
-    What a library loads at its first use would be loaded for every file again.
+    Modules that a library loads at its first use would otherwise be loaded again for every file.
     """
     _preparations.append(function)
 
@@ -72,10 +72,10 @@ def read_bounded(
     ----------
     source : the file, as errors name it; relative paths, here and among the arguments, begin at
         the working folder of this process
-    error : what a file that breaks a bound or the reader is raised as
-    function : function at the top level of a module; what it imports is imported once in the
-        server, so it should be a module without torch
-    arguments, options : of the function; they and its answer must be picklable
+    error : type of the error for a file that exceeds a bound or makes the reader fail
+    function : function at the top level of a module; the server imports the module once, so it
+        should not need torch
+    arguments, options : of the function; they and its result must be picklable
 
     Returns
     -------
@@ -84,8 +84,8 @@ def read_bounded(
     Raises
     ------
     GranbenchError
-        One that the function raises, of the same type and text; otherwise `error`, naming the
-        source, where the function raises anything else, exceeds a bound or crashes.
+        That of the function, of the same type and text; otherwise `error`, naming the source, if
+        the function raises another exception, exceeds a bound or crashes.
     """
     request = pickle.dumps((function.__module__, function.__qualname__, arguments, options))
     handle, answer_file = tempfile.mkstemp(prefix="granbench-read-")
@@ -115,7 +115,7 @@ def _size(source: Path | str) -> int:
 
 
 def _ask(answer_file: str, request: bytes, extra: float) -> str:
-    """Send one request to the server; ``answered``, or why there is no answer."""
+    """Send one request to the server; returns ``answered``, or why there is no answer."""
     bounds = LONGEST_READ + extra, LONGEST_COMPUTATION + extra, MOST_MEMORY
     head = json.dumps([answer_file, len(request), os.getcwd(), *bounds]).encode()
     for attempt in (0, 1):
@@ -145,7 +145,7 @@ def _running_server() -> "subprocess.Popen[bytes]":
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env=environment,
-        start_new_session=True,  # Ctrl-C is for the process that asks; its end closes the pipe
+        start_new_session=True,  # Ctrl-C goes to the parent process; its end closes the pipe
     )
     _server = os.getpid(), process
     return process
@@ -170,7 +170,7 @@ atexit.register(_stop)
 def serve() -> None:
     """Answer requests on standard input until it closes: the main loop of the server."""
     requests, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
-    # What a library prints must not be taken for an answer.
+    # Output of a library must not be mistaken for an answer.
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     while line := requests.readline():
         answer_file, length, folder, *bounds = json.loads(line)
@@ -185,7 +185,7 @@ def _serve_one(
     request: bytes, answer_file: str, seconds: float, computation: float, memory: int
 ) -> str:
     with contextlib.suppress(Exception):
-        # Imported before the fork, so that the next file finds the libraries loaded.
+        # Imported before the fork, so that the libraries are loaded for the next file.
         importlib.import_module(pickle.loads(request)[0])
         while _preparations:
             _preparations.pop()()
@@ -228,7 +228,7 @@ def _bound_memory(memory: int) -> None:
 
 
 def _answer(request: bytes, answer_file: str) -> None:
-    """Call the requested function and leave what it returns or raises in the answer's file."""
+    """Call the requested function and write its result or error to the answer file."""
     module, name, arguments, options = pickle.loads(request)
     try:
         function: Any = importlib.import_module(module)
@@ -244,7 +244,7 @@ def _answer(request: bytes, answer_file: str) -> None:
         answer = (
             "failed",
             f"{type(problem).__name__}{f' ({text})' if text else ''}; the file is damaged or of "
-            "another kind than its name says",
+            "another kind than its name",
         )
     try:
         _write(answer, answer_file)

@@ -1,4 +1,4 @@
-"""One command at a time in a folder: a lock that ends with the process that holds it."""
+"""Lock on a folder, which ends with the process that holds it."""
 
 import contextlib
 import os
@@ -20,20 +20,20 @@ LOCK_FILE = ".lock"
 
 @contextlib.contextmanager
 def locked_folder(folder: Path, error: type[GranbenchError]) -> Iterator[None]:
-    """Keep other commands out of a folder while the block runs.
+    """Keep other commands from writing to a folder while the block runs.
 
-    The system frees the lock when the process ends, however it ends; the file that a killed
-    process leaves behind does not lock anything.
+    The system releases the lock when the process ends in any way; the file that a killed process
+    leaves does not lock the folder.
 
     Parameters
     ----------
-    folder : made where it is absent
-    error : what is raised
+    folder : created if necessary
+    error : type of the error
 
     Raises
     ------
     GranbenchError
-        The given one, if another command holds the folder or it cannot be written.
+        The given one, if another command has locked the folder or it cannot be written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -44,7 +44,7 @@ def locked_folder(folder: Path, error: type[GranbenchError]) -> Iterator[None]:
         if fcntl is not None and not _taken(lock):
             raise error(
                 f"another command is writing to {folder} ({_holder(lock)}); wait for it, stop it, "
-                "or name another folder"
+                "or give another folder"
             )
         with contextlib.suppress(OSError):  # a full disk; the lock itself needs no space
             os.ftruncate(lock.fileno(), 0)
@@ -61,7 +61,7 @@ def _opened(path: Path) -> TextIO:
 
 
 def _taken(lock: TextIO) -> bool:
-    """Whether this process now holds the lock; one whose file was just removed does not count."""
+    """Whether this process now holds the lock; a lock on a removed file does not count."""
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -1,4 +1,4 @@
-"""What is asked of a file that a user names before anything of it is read."""
+"""Checks of a file before it is read: kind and size."""
 
 import os
 import stat
@@ -17,16 +17,16 @@ _KINDS = (
 
 
 MOST_MEMBERS = 4_000
-"""Members of an archive such as a workbook or an .npz file."""
+"""Largest number of members of an archive such as a workbook or an .npz file."""
 
 
 def require_file(path: Path, error: type[GranbenchError], most_bytes: int) -> None:
-    """Refuse a path that is no regular file, or one that is too large to be what it should be.
+    """Refuse a path that is not a regular file, or a file that is too large.
 
     Parameters
     ----------
     path : as the user gives it; links are followed
-    error : what is raised
+    error : type of the error
     most_bytes : size beyond which the file is refused
 
     Raises
@@ -52,26 +52,26 @@ def require_file(path: Path, error: type[GranbenchError], most_bytes: int) -> No
 def require_archive(
     archive: zipfile.ZipFile, source: str, error: type[GranbenchError], most_bytes: int
 ) -> None:
-    """Refuse an archive whose members cannot be unpacked or are too many or too large.
+    """Refuse an archive with members that cannot be unpacked, or too many or too large ones.
 
     Parameters
     ----------
     archive : opened; nothing is unpacked
     source : the file, as errors name it
-    error : what is raised
+    error : type of the error
     most_bytes : of all members unpacked, as the archive declares them
 
     Raises
     ------
     GranbenchError
-        The given one, if a member is protected by a password, is packed in a way that is not
-        read, or has the name of another, or if the members are too many or too large.
+        The given one, if a member is protected by a password, has an unsupported compression or the
+        name of another, or if there are too many or too large members.
     """
     members = archive.infolist()
     if len(members) > MOST_MEMBERS:
         raise error(
-            f"{source}: holds {len(members):,} files, more than {MOST_MEMBERS:,}; it is no file of "
-            "data, or is damaged"
+            f"{source}: holds {len(members):,} files, more than {MOST_MEMBERS:,}; it is not a data "
+            "file, or is damaged"
         )
     names: set[str] = set()
     for member in members:
@@ -80,7 +80,7 @@ def require_archive(
             raise error(f"{source}: is protected by a password; save it without one")
         if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise error(
-                f"{source}: its part {shown} is packed by a method that is not read (number "
+                f"{source}: its part {shown} has an unsupported compression (method "
                 f"{member.compress_type}); save the file again"
             )
         if member.filename in names:

@@ -1,8 +1,8 @@
-"""The one reader of JSON that comes from outside: submissions, model files, attributes of datasets.
+"""Reading of JSON from outside: submissions, model files, attributes of datasets.
 
-JSON as such may hold a document of any size and depth, integers of any length, NaN, one key twice,
-and text that no file can hold. Whatever reads such a value later would fail far from its cause, so
-all of that is refused here, in one sentence.
+JSON may hold documents of any size and depth, integers of any length, NaN, repeated keys, and text
+that no file can hold. Such values would cause failures later, far from their origin, so they are
+refused here, in one sentence.
 """
 
 import json
@@ -13,28 +13,28 @@ from typing import Any, NoReturn
 from granbench.errors import GranbenchError
 
 LARGEST_JSON = 8_000_000
-"""Bytes that a JSON document may have; the largest of the board has 0.4 MB."""
+"""Largest size of a JSON document in bytes; the largest on the leaderboard has 0.4 MB."""
 DEEPEST_JSON = 32
-"""Objects and lists that may lie within one another; a submission needs five."""
+"""Largest nesting of objects and lists; a submission needs five levels."""
 LARGEST_INTEGER = 2**63 - 1
-"""Magnitude of an integer: what files and NumPy hold."""
+"""Largest magnitude of an integer that files and NumPy hold."""
 
 
 class _Refused(Exception):
-    """What is wrong with a document; raised by the hooks of the parser."""
+    """A fault of a document; raised by the hooks of the parser."""
 
 
 def read_json(
     path: Path, error: type[GranbenchError], *, remedy: str, largest: int = LARGEST_JSON
 ) -> Any:
-    """The value that a JSON file holds.
+    """The value in a JSON file.
 
     Parameters
     ----------
     path : the file
-    error : what a file that cannot be read is raised as
-    remedy : what the user can do, the end of every sentence
-    largest : bytes that the file may have
+    error : type of the error
+    remedy : what the user can do, the end of every error text
+    largest : size in bytes that the file may have
 
     Raises
     ------
@@ -63,14 +63,14 @@ def parse_json(
     remedy: str,
     largest: int = LARGEST_JSON,
 ) -> Any:
-    """The value that a JSON text stands for.
+    """The value of a JSON text.
 
     Parameters
     ----------
     text : the document; bytes are UTF-8
-    source : what it is, as the error names it
-    error : what a text that cannot be read is raised as
-    remedy : what the user can do, the end of every sentence
+    source : name of the document in errors
+    error : type of the error
+    remedy : what the user can do, the end of every error text
     largest : bytes, or characters, that it may have
 
     Raises
@@ -108,7 +108,7 @@ def parse_json(
 def parse_json_object(
     text: str | bytes, source: str, error: type[GranbenchError], *, remedy: str
 ) -> dict[str, Any]:
-    """The object, by key, that a JSON text stands for; as `parse_json`, and refuses other values.
+    """The object in a JSON text, by key; like `parse_json`, but refuses other values.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def parse_json_object(
 
 
 def read_json_object(path: Path, error: type[GranbenchError], *, remedy: str) -> dict[str, Any]:
-    """The object, by key, that a JSON file holds; as `read_json`, and refuses other values.
+    """The object in a JSON file, by key; like `read_json`, but refuses other values.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def _number(digits: str) -> float:
 
 
 def _not_a_number(name: str) -> NoReturn:
-    raise _Refused(f"holds {name}, which is not a number that JSON knows")
+    raise _Refused(f"holds {name}, which is not a JSON number")
 
 
 def _check_depth_and_text(value: Any) -> None:
@@ -195,5 +195,5 @@ def _check_text(text: str) -> None:
 
 
 def shortened(text: str, longest: int = 40) -> str:
-    """A text in quotes for a sentence, cut where it is long, in ASCII where it is not readable."""
+    """A text in quotes for an error, shortened if it is long, in ASCII if it is not printable."""
     return ascii(text) if len(text) <= longest else f"{text[:longest]!a}..."

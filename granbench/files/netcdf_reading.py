@@ -1,8 +1,8 @@
-"""The one way in which netCDF files are opened: declared sizes first, values as they are stored.
+"""Opening of netCDF files: declared sizes are checked first, and values are read as stored.
 
-A file of some kilobytes can declare gigabytes of values, in chunks that were never written or that
+A file of a few kilobytes can declare gigabytes of values, in chunks that were never written or that
 compress to nothing; and attributes such as `scale_factor` make a library change values while it
-reads them, or fail. Both are looked for in what the file declares, before any value is read.
+reads them, or fail. The declarations are checked for both before any value is read.
 """
 
 import math
@@ -18,21 +18,21 @@ from granbench.errors import GranbenchError
 from granbench.files.bounded_reading import prepare_server
 
 LARGEST_EXPANSION = 100
-"""Bytes of values that a file may declare for each byte that it has; records have about 3."""
+"""Largest declared size of the values over the size of the file; records have about 3."""
 SMALL = 2**26
-"""Bytes of values that any file may declare, whatever its own size."""
+"""Size of the values in bytes that a file of any size may declare."""
 LARGEST_CHUNK = 2**28
-"""Bytes of one chunk, which is read whole whatever is asked of it."""
+"""Largest size of a chunk in bytes; a chunk is always read completely."""
 MOST_VARIABLES = 500
 MOST_DIMENSIONS = 1000
 LARGEST_ATTRIBUTES = 2**24
-"""Characters and bytes of all attributes together."""
+"""Largest size of all attributes together, characters and bytes."""
 TEXT_BYTES = 64
-"""What one text takes in memory at least."""
+"""Smallest size of a text in memory, bytes."""
 CHANGING_ATTRIBUTES = ("scale_factor", "add_offset", "_Unsigned", "missing_value", "dtype")
 """Attributes of a variable by which libraries change values as they read them."""
 INTERPRETED_ATTRIBUTES = ("units", "long_name", "coordinates", "content_sha256")
-"""Attributes of a variable that must be text, for they are compared with text."""
+"""Attributes of a variable that must be text, because they are compared with text."""
 
 _SIGNATURES = (b"\x89HDF\r\n\x1a\n", b"CDF\x01", b"CDF\x02", b"CDF\x05")
 
@@ -41,19 +41,19 @@ prepare_server(lambda: xr.Variable("path", np.zeros(1)).astype(np.float32))
 
 
 def require_netcdf(path: Path, error: type[GranbenchError], remedy: str) -> None:
-    """Look at the first bytes of a file alone.
+    """Check the first bytes of a file.
 
     Parameters
     ----------
     path : the file
-    error : what a file that is none is raised as
-    remedy : what the user can do, the end of every sentence
+    error : type of the error
+    remedy : what the user can do, the end of every error text
 
     Raises
     ------
     GranbenchError
         The given one: there is no such file, it is a device or a pipe, it cannot be read, or it
-        does not begin as netCDF files do.
+        does not begin like a netCDF file.
     """
     if not path.exists():
         raise error(f"{path}: there is no such file; check the name")
@@ -79,24 +79,24 @@ def open_netcdf(
     largest: int | None = None,
     chunks: int | dict[str, int] | str | None = None,
 ) -> xr.Dataset:
-    """Open a netCDF file lazily, once its declared sizes and attributes are known to be harmless.
+    """Open a netCDF file lazily after checking its declared sizes and attributes.
 
-    Values come as they are stored: nothing is masked, scaled or made a date.
+    Values are as stored: nothing is masked, scaled or converted to a date.
 
     Parameters
     ----------
-    path : the file; one that the user was given by others is opened within `read_bounded`
-    error : what a file that is refused is raised as
-    remedy : what the user can do, the end of every sentence
-    largest : bytes of values that the file may declare, where it is going to be read whole
-    chunks : as in `xarray.open_dataset`; dask is needed for it
+    path : the file; a file from outside is opened within `read_bounded`
+    error : type of the error
+    remedy : what the user can do, the end of every error text
+    largest : size of the values in bytes that the file may declare, if it is read completely
+    chunks : as in `xarray.open_dataset`; needs dask
 
     Raises
     ------
     GranbenchError
         The given one: see `require_netcdf`; the file is damaged; it declares more than
-        `LARGEST_EXPANSION` times its own size or than `largest`; it has groups, types of its own or
-        values in big-endian order; an attribute would change values.
+        `LARGEST_EXPANSION` times its own size or than `largest`; it has groups, user-defined types
+        or values in big-endian order; an attribute would change values.
     """
     require_netcdf(path, error, remedy)
     try:
@@ -124,7 +124,7 @@ def open_netcdf(
 
 
 def _fault(file: netCDF4.Dataset, size: int, largest: int | None) -> str | None:
-    """What a file declares that it may not; None where there is nothing."""
+    """The first forbidden declaration of a file; None if there is none."""
     if file.groups:
         return f"has the group {next(iter(file.groups))!r}; groups are not read"
     if len(file.variables) > MOST_VARIABLES or len(file.dimensions) > MOST_DIMENSIONS:
@@ -157,7 +157,7 @@ def _fault(file: netCDF4.Dataset, size: int, largest: int | None) -> str | None:
 
 
 def _declared_bytes(variable: netCDF4.Variable) -> int:
-    # No dimension counts as empty: a loop over the others would not end.
+    # Empty dimensions count as 1: a loop over the others could be endless.
     shape = tuple(max(1, int(length)) for length in variable.shape)
     characters = _item_bytes(variable) * math.prod(shape)
     if variable.dtype is not str and np.dtype(variable.dtype).kind == "S":
@@ -174,7 +174,7 @@ def _storage_fault(name: str, variable: netCDF4.Variable) -> str | None:
         if isinstance(
             variable.datatype, netCDF4.VLType | netCDF4.CompoundType | netCDF4.EnumType
         ) or np.dtype(variable.dtype).kind not in ("f", "i", "u", "S"):
-            return f"variable {name!r} is of a type that is not read; store numbers or text"
+            return f"variable {name!r} has an unsupported type; store numbers or text"
         if np.dtype(variable.dtype).byteorder == ">":
             return f"variable {name!r} is stored in big-endian order; store it in little-endian"
     chunk = variable.chunking()

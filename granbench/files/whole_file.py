@@ -1,4 +1,4 @@
-"""Files, and folders of them, that appear whole or not at all."""
+"""Writing of files and folders that appear complete or not at all."""
 
 import contextlib
 import errno
@@ -11,26 +11,26 @@ from pathlib import Path
 from granbench.errors import GranbenchError
 
 FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
-"""Error numbers that more space would mend."""
+"""Error numbers of a full disk."""
 
 
 @contextlib.contextmanager
 def whole_file(
     path: Path, error: type[GranbenchError], *also: type[Exception], size: int = 0
 ) -> Iterator[Path]:
-    """Give a temporary name beside `path`; it becomes `path` when the block ends well.
+    """Give a temporary name next to `path`, which is renamed to `path` if the block succeeds.
 
     Parameters
     ----------
-    path : final name; its folder is made when it is absent, a file there is replaced
-    error : what a failure to write is raised as
-    also : exceptions, besides OSError, by which a library says that it could not write
-    size : bytes that are about to be written, to tell a full disk where a library does not
+    path : final name; its folder is created if necessary, an existing file is replaced
+    error : type of the error if the file cannot be written
+    also : exceptions, in addition to OSError, by which a library reports a failed write
+    size : bytes to be written, to recognise a full disk if the library does not report it
 
     Raises
     ------
     GranbenchError
-        The given one, naming the file and the remedy; nothing is left behind then.
+        The given one, naming the file and the remedy; nothing is left on disk then.
     """
     partial = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.part")
     causes: tuple[type[Exception], ...] = (OSError, *also)
@@ -47,31 +47,31 @@ def whole_file(
 
 @contextlib.contextmanager
 def whole_folder(path: Path, error: type[GranbenchError]) -> Iterator[Path]:
-    """Give a temporary folder; what is written into it is in `path` when the block ends well.
+    """Give a temporary folder, whose files are moved to `path` if the block succeeds.
 
-    Where `path` is there before, its other files stay, and those of the same names are replaced
-    in the order in which they were written.
+    If `path` exists, its other files stay, and files of the same names are replaced in the order in
+    which they were written.
 
     Parameters
     ----------
-    path : final name; folders above it are made when they are absent
-    error : what a folder that cannot be written is raised as, before the block begins
+    path : final name; folders above it are created if necessary
+    error : type of the error if the folder cannot be written, raised before the block begins
 
     Raises
     ------
     GranbenchError
-        The given one, naming the folder and the remedy; nothing is left behind then.
+        The given one, naming the folder and the remedy; nothing is left on disk then.
     """
     old = path.is_dir()
     made = [folder for folder in path.parents if not folder.exists()]
     name = f".{path.name or 'folder'}.{uuid.uuid4().hex[:8]}.part"
-    # Within an old folder, which may be a mount of its own, beside a new one.
+    # Inside an existing folder, which may be its own mount; next to a new one.
     partial = path / name if old else path.with_name(name)
     try:
-        with _said_as(error, path):
+        with _raised_as(error, path):
             partial.mkdir(parents=True)
         yield partial
-        with _said_as(error, path):
+        with _raised_as(error, path):
             if not path.is_dir():  # another command may have made it since
                 partial.rename(path)
                 return
@@ -81,12 +81,12 @@ def whole_folder(path: Path, error: type[GranbenchError]) -> Iterator[Path]:
         shutil.rmtree(partial, ignore_errors=True)
         for folder in made:
             with contextlib.suppress(OSError):
-                folder.rmdir()  # fails where the block has ended well, and the folder holds `path`
+                folder.rmdir()  # fails if the block succeeded and the folder contains `path`
 
 
 @contextlib.contextmanager
-def _said_as(error: type[GranbenchError], path: Path) -> Iterator[None]:
-    """Raise what the system cannot do as the given error, naming the path."""
+def _raised_as(error: type[GranbenchError], path: Path) -> Iterator[None]:
+    """Raise an error of the system as the given error, naming the path."""
     try:
         yield
     except OSError as problem:
@@ -94,18 +94,18 @@ def _said_as(error: type[GranbenchError], path: Path) -> Iterator[None]:
 
 
 def cannot_write(path: Path, problem: Exception, size: int = 0) -> str:
-    """One sentence: a file or folder cannot be written, why, and what would mend that.
+    """Error text for a file or folder that cannot be written: the reason and the remedy.
 
     Parameters
     ----------
-    path : what was to be written
-    problem : what the system or a library raised
-    size : bytes that were to be written, to tell a full disk where a library does not
+    path : file or folder to be written
+    problem : error of the system or a library
+    size : bytes to be written, to recognise a full disk if the library does not report it
     """
     reason = problem.strerror if isinstance(problem, OSError) else None
     full = isinstance(problem, OSError) and problem.errno in FULL_DISK
     if not reason:
-        # HDF5 says "HDF error" whatever happened.
+        # HDF5 reports "HDF error" for every cause.
         with contextlib.suppress(OSError):
             full = shutil.disk_usage(path.parent).free < size
         reason = "the disk is full" if full else str(problem) or type(problem).__name__

@@ -1,7 +1,7 @@
 """Minimising the sum of squares from many starts in one batch: Adam, then Levenberg-Marquardt."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -9,21 +9,21 @@ from torch import Tensor
 from granbench.fitting.least_squares import LeastSquares
 
 LONGEST_STEP = 1.0
-"""Of a Levenberg-Marquardt step in any parameter: a factor e of a positive one."""
+"""Largest Levenberg-Marquardt step in any parameter: a factor e of a positive one."""
 
 SMALLEST_STEP = 1e-10
-"""In every parameter; less is rounding."""
+"""Step in every parameter below which it is rounding."""
 
 CALM_STEPS = 2
 
 FARTHEST = 12.0
-"""Size of an unconstrained number, e^12 of a positive parameter, at which it is stopped."""
+"""Largest unconstrained number, a factor e^12 of a positive parameter."""
 
 FIRST_DAMPING = 1e-3
 DAMPING_UP = 2.0
-"""Factor after a failed step; it doubles with every failure that follows at once."""
+"""Factor after a failed step; it doubles with every consecutive failure."""
 GREATEST_FALL = 0.1
-"""Of the damping, after a step that did what the linearisation promised."""
+"""Largest decrease of the damping, after a step that matched its linearisation."""
 LARGEST_DAMPING = 1e10
 SMALLEST_DAMPING = 1e-15
 TINY = torch.finfo(torch.float64).tiny
@@ -31,20 +31,28 @@ TINY = torch.finfo(torch.float64).tiny
 
 @dataclass(frozen=True)
 class Effort:
-    """How long is searched.
+    """Length of the search.
 
     Parameters
     ----------
     adam_iterations, learning_rate : of the first stage, by back-propagation
     iterations : of Levenberg-Marquardt, at most
     tolerance : relative decrease of the sum of squares below which a start has converged, if two
-        steps that follow each other bring no more
+        consecutive steps bring no more
     """
 
     adam_iterations: int = 5
     learning_rate: float = 0.1
     iterations: int = 60
     tolerance: float = 1e-5
+
+    def limited(self, total: int | None) -> "Effort":
+        """The effort with at most `total` iterations of both stages; unchanged where None."""
+        if total is None:
+            return self
+        adam_iterations = min(self.adam_iterations, total)
+        iterations = min(self.iterations, total - adam_iterations)
+        return replace(self, adam_iterations=adam_iterations, iterations=iterations)
 
 
 @dataclass(frozen=True)
@@ -55,7 +63,7 @@ class Minimum:
     ----------
     vectors : (start, parameter)
     cost : (start,), sum of squared residuals
-    converged : (start,), whether it stopped because nothing was left to gain
+    converged : (start,), whether it stopped because the cost no longer decreased
     iterations : (start,), of Levenberg-Marquardt
     """
 
@@ -72,8 +80,7 @@ OnIteration = Callable[[str, int, float], None]
 def adam(problem: LeastSquares, vectors: Tensor, effort: Effort, on: OnIteration | None) -> Tensor:
     """The vectors (start, parameter) after a descent along back-propagated gradients.
 
-    Of every start the best vector that was met is returned: a step that the model cannot follow
-    does no harm.
+    The best vector of every start is returned, so a step that the model cannot follow does no harm.
     """
     vectors = vectors.clone().requires_grad_()
     optimiser = torch.optim.Adam([vectors], lr=effort.learning_rate)
@@ -136,12 +143,12 @@ def levenberg_marquardt(
 
 
 class _Search:
-    """Starts under way: where each is, how its problem looks there, and how it is damped.
+    """State of the search from every start: vector, linearised problem and damping.
 
     Attributes
     ----------
     vectors, cost, converged, iterations : see `Minimum`
-    running : (start,), those that go on
+    running : (start,), whether each continues
     """
 
     def __init__(
@@ -172,8 +179,8 @@ class _Search:
         before, vectors = self.cost[going], self.vectors[going]
         step = _damped_step(normal, gradient, self._damping[going], vectors)
         trial = (vectors + step).clamp(-FARTHEST, FARTHEST)
-        answer = self._problem.evaluated(trial)
-        cost = ((answer.residuals + self._offset[going]) ** 2).sum(dim=1)
+        evaluated = self._problem.evaluated(trial)
+        cost = ((evaluated.residuals + self._offset[going]) ** 2).sum(dim=1)
         better = cost < before
         promised = -2.0 * torch.einsum("vp,vp->v", gradient, step)
         promised = promised - torch.einsum("vp,vpq,vq->v", step, normal, step)
@@ -181,11 +188,11 @@ class _Search:
         self.vectors[going] = torch.where(better[:, None], trial, vectors)
         self.cost[going] = torch.where(better, cost, before)
         gained = torch.nonzero(better).flatten()
-        self._at = self._at.replaced(going[gained], answer.of(gained))
+        self._at = self._at.replaced(going[gained], evaluated.of(gained))
         self._stale[going] = better
         self.iterations[going] += 1
         self._damp(going, better, (before - cost) / promised.clamp(min=TINY))
-        # A step that its length cut short says nothing of how far the minimum is.
+        # A step whose length was limited does not show how far the minimum is.
         stretched = (step.abs() >= LONGEST_STEP).any(dim=1)
         quiet = better & ((before - cost) < self._tolerance * before) & ~stretched
         self._settle(going, quiet, (trial - vectors).abs().amax(dim=1))

@@ -32,7 +32,7 @@ HELD_TOLERANCE = 3e-4
 """Of the held stresses, relative: finer than any cell pressure is held, and coarser than the error
 of a model that controls its own, below which its stress is no smooth function of the strain."""
 
-PATIENCE = IterationLimits(iterations=10, halvings=3, smallest_share=0.25, refusals=2)
+LIMITS = IterationLimits(iterations=10, halvings=3, smallest_share=0.25, failed_calls=2)
 """A search meets many parameters with which the model cannot follow a test; to be sure that it
 cannot would take longer than all that can."""
 
@@ -81,7 +81,7 @@ def predict(space: ParameterSpace, vectors: Tensor, batch: TestBatch) -> Predict
     """
     control, conditions = batch.repeated(len(vectors))
     cell = CellOfEachPoint(space.cell, space.per_point(vectors.detach(), batch.size))
-    done = run_test(cell, control, conditions, tolerance=HELD_TOLERANCE, patience=PATIENCE)
+    done = run_test(cell, control, conditions, tolerance=HELD_TOLERANCE, limits=LIMITS)
     shape = (len(vectors), batch.size, control.steps, -1)
     return Prediction(
         torch.from_numpy(done.strain).reshape(shape), torch.from_numpy(done.stress).reshape(shape)

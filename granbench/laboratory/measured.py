@@ -19,7 +19,7 @@ from granbench.units.known_units import (
     is_stress_unit,
     is_unit,
     known_units,
-    split_strange_unit,
+    split_unknown_unit,
     text_behind_unit,
     unit_factor,
 )
@@ -183,7 +183,7 @@ def _named_quantity(column: Column) -> tuple[Column, str | None]:
         return column, quantity_with_remark(column.name, behind, column.unit)
     if (found := known_quantity(column.name)) or column.unit is not None:
         return column, found
-    name, unit = split_strange_unit(column.header) or (column.name, None)
+    name, unit = split_unknown_unit(column.header) or (column.name, None)
     if found := known_quantity(name):
         return Column(column.header, name, unit, column.cells), found
     return column, None

@@ -166,7 +166,7 @@ def _absolute(
 def _other_start(source: str, column: Measured, back: Floats, back_name: str) -> DatasetError:
     return DatasetError(
         f"{source}: column {column.header!r} begins with {column.values[0]:g} Pa, but {back_name} "
-        f"begins with {back[0]:g} Pa; a test starts at its back pressure: fix one of them, or leave "
-        "out ",
+        f"begins with {back[0]:g} Pa; a test starts at its back pressure: fix one of them, or "
+        "leave out ",
         Setting("back_pressure"),
     )

@@ -1,29 +1,17 @@
-"""The classical models by name."""
+"""The registered classical models by name.
 
-from collections.abc import Mapping
+A package registers a model under the entry-point group `granbench.models`, as
+``name = "module:Class"`` with a subclass of `ClassicalCell`; there is no second list of names.
+"""
 
 from granbench.errors import ModelError, alternatives
 from granbench.models.classical import ClassicalCell
-from granbench.models.csuh import CSUH
-from granbench.models.drucker_prager import DruckerPrager
-from granbench.models.enhanced_ime import EnhancedIME
-from granbench.models.ime import IME
-from granbench.models.j2 import J2
-from granbench.models.j2_hardening import J2Hardening
-from granbench.models.modified_cam_clay import ModifiedCamClay
+from granbench.registration import Registry
 
-MODELS: Mapping[str, type[ClassicalCell]] = {
-    model.name: model
-    for model in (
-        J2,
-        DruckerPrager,
-        J2Hardening,
-        IME,
-        EnhancedIME,
-        CSUH,
-        ModifiedCamClay,
-    )
-}
+ENTRY_POINTS = "granbench.models"
+
+MODELS: Registry[type[ClassicalCell]] = Registry(ENTRY_POINTS, "classical model")
+"""Every registered classical model."""
 
 
 def find_model(name: str) -> type[ClassicalCell]:

@@ -1,22 +1,23 @@
-"""What the classical models share: named parameters, parameter sets, one update per model.
+"""A classical model as a material cell: it states its parameters and its `update`.
 
-A model states its parameters and its `update`; state, plane strain and the contract of the
-material cell follow from them here.
+State, plane strain and the contract of the material cell follow from them here; parameters are in
+`granbench.models.parametrised`.
 """
 
 import abc
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple, Self, cast
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from granbench.cells.contract import Conditions, MaterialCell, StateLayout
-from granbench.errors import ModelError, alternatives
+from granbench.errors import ModelError
 from granbench.models.arrays import Array, in_numpy, in_torch
 from granbench.models.components import TensorRows, tensor_rows
-from granbench.models.parameters import Constants, Parameter
+from granbench.models.parameters import Constants
+from granbench.models.parametrised import ParametrisedModule
 from granbench.models.substepping import Substepping
 from granbench.tensors import COMPONENT_ORDERS, mean_stress
 
@@ -31,15 +32,7 @@ FEW_POINTS = 4096
 `granbench.models.arrays`."""
 
 
-class _Fixed(NamedTuple):
-    """Constants that were made once, of unconstrained numbers `free`, for both kinds of arrays."""
-
-    free: list[float]
-    in_torch: Constants
-    in_numpy: Constants
-
-
-class ClassicalCell(MaterialCell, torch.nn.Module):
+class ClassicalCell(MaterialCell, ParametrisedModule):
     """A constitutive model in closed form, batched over points and differentiable.
 
     Gradients flow to strain, state and parameters. A point that the model cannot follow (it
@@ -58,17 +51,16 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
     ----------
     title : for people
     dimension : of space in which the model is defined, 2 or 3
-    parameter_table : its parameters
-    parameter_sets : published values, the default first
+    parameter_table, parameter_sets : see `ParametrisedModule`
     holds_without_stress : whether such a model may start at zero mean stress, its apex
     internal_tensors : tensors beside the stress, such as `plastic_strain`; their components are
         internal variables `plastic_strain_xx` and so on, in the order of `rows`
     internal_variables : scalars beside the stress, after the tensors, under their dataset names
     substepping : how finely increments are cut; None where they are not
     numpy_updates : whether `update` is written in `granbench.models.arrays`, so that it also takes
-        NumPy's arrays; one in torch alone is as good, but slower where points are few. A cell may
-        be told otherwise: torch's last bits and NumPy's differ, and forward-mode differentiation
-        under `no_grad` sees nothing of it
+        NumPy's arrays; one in torch alone is as good, but slower where points are few. Set it to
+        False on a cell where torch's last bits are wanted, or forward-mode differentiation under
+        `no_grad`, which cannot follow NumPy
 
     Raises
     ------
@@ -78,8 +70,6 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
 
     title: ClassVar[str]
     dimension: ClassVar[int] = 3
-    parameter_table: ClassVar[tuple[Parameter, ...]]
-    parameter_sets: ClassVar[Mapping[str, Mapping[str, float]]]
     holds_without_stress: ClassVar[bool] = False
     internal_tensors: ClassVar[tuple[str, ...]] = ()
     internal_variables: ClassVar[tuple[str, ...]] = ()
@@ -99,7 +89,7 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
         order: str = "plane",
         dtype: torch.dtype = torch.float64,
     ) -> None:
-        super().__init__()
+        super().__init__(values, parameter_set, dtype)
         self.order = order
         self.dtype = dtype
         self.rows: TensorRows = tensor_rows(order, self.dimension, dtype)
@@ -111,87 +101,6 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
         self.layout = StateLayout.of(
             stress=len(COMPONENT_ORDERS[order]), **dict.fromkeys(self.internals, 1)
         )
-        self.reference = {**self._published(parameter_set), **self._known(values or {})}
-        self.free = torch.nn.ParameterDict()
-        for parameter in self.parameter_table:
-            parameter.check(self.reference[parameter.name], self.name)
-            self.free[parameter.name] = torch.nn.Parameter(torch.zeros((), dtype=dtype))
-        self._last_fixed: _Fixed | None = None
-
-    @classmethod
-    def _published(cls, parameter_set: str | None) -> Mapping[str, float]:
-        if parameter_set is None:
-            return next(iter(cls.parameter_sets.values()))
-        if parameter_set not in cls.parameter_sets:
-            raise ModelError(
-                f"{cls.name} has no parameter set {parameter_set!r}; "
-                f"{alternatives(parameter_set, cls.parameter_sets)}"
-            )
-        return cls.parameter_sets[parameter_set]
-
-    @classmethod
-    def _known(cls, values: Mapping[str, float]) -> Mapping[str, float]:
-        names = [parameter.name for parameter in cls.parameter_table]
-        for name in values:
-            if name not in names:
-                raise ModelError(
-                    f"{cls.name} has no parameter {name!r}: {alternatives(name, names)}"
-                )
-        return values
-
-    def constants(self) -> Constants:
-        """The parameters' values and what is `derived` from them, by name, differentiable.
-
-        Tensors () or (point,).
-        """
-        fixed = self._fixed()
-        return fixed.in_torch if fixed else self._constrained(self._free_values())
-
-    def _fixed(self) -> "_Fixed | None":
-        """Constants that all points share and no gradient is wanted of; None if there are none."""
-        free = self._free_values()
-        wanted = torch.is_grad_enabled() and any(value.requires_grad for value in free)
-        if wanted or any(value.ndim for value in free) or torch.compiler.is_compiling():
-            return None
-        # A run asks for the same numbers at every step.
-        numbers = [value.item() for value in free]
-        if self._last_fixed is None or self._last_fixed.free != numbers:
-            with torch.inference_mode(False):  # a later call may want gradients of the stress
-                constants = self._constrained([value.detach() for value in free])
-            self._last_fixed = _Fixed(numbers, constants, constants.in_numpy())
-        return self._last_fixed
-
-    def _free_values(self) -> list[Tensor]:
-        # `self.free.values()` takes ten times as long.
-        return list(cast(dict[str, Tensor], self.free._parameters).values())
-
-    def _constrained(self, free: Sequence[Tensor]) -> Constants:
-        constants = Constants()
-        for parameter, value in zip(self.parameter_table, free, strict=True):
-            number = parameter.constrained(value, self.reference[parameter.name])
-            setattr(constants, parameter.name, number)
-        vars(constants).update(self.derived(constants))
-        return constants
-
-    def derived(self, c: Constants) -> Mapping[str, Tensor]:
-        """Constants that follow from the parameters `c`, such as moduli; none by default."""
-        return {}
-
-    @torch.no_grad()
-    def values(self) -> dict[str, float]:
-        """The parameters as numbers, by name; a model with parameters per point has none.
-
-        Raises
-        ------
-        ModelError
-            If the parameters differ from point to point.
-        """
-        if self._differs_between_points():
-            raise ModelError(f"the parameters of {self.name} differ from point to point")
-        constants = vars(self.constants())
-        return {
-            parameter.name: float(constants[parameter.name]) for parameter in self.parameter_table
-        }
 
     def copy_with(self, values: Mapping[str, float]) -> Self:
         """The same model with other values of some parameters.
@@ -304,9 +213,6 @@ class ClassicalCell(MaterialCell, torch.nn.Module):
     def _stress_of(self, rows: Tensor) -> Tensor:
         # The gradient of a slice writes zeros for what it leaves out: none of everything.
         return rows[: self.component_count] if self.internals else rows
-
-    def _differs_between_points(self) -> bool:
-        return any(value.ndim > 0 for value in self._free_values())
 
     def _strain_rows(self, dstrain: Tensor) -> Tensor:
         rows = dstrain.to(self.dtype).T

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from granbench.models.arrays import Array, addcmul, at_least, stack, zeros_like
 from granbench.models.components import TensorRows, safe_root
+from granbench.tensors import cofactor_rows
 
 ISOTROPIC = 1e-3
 """Pa; a lesser q is the rounding of an isotropic stress and has no Lode angle."""
@@ -59,7 +60,7 @@ class DeviatorPlane(NamedTuple):
         return addcmul(self.square_0, b, square), addcmul(self.cubic_0, b, cubic)
 
     def taken(self, points: Array) -> "DeviatorPlane":
-        """The same of some points."""
+        """Coefficients of some of the points."""
         return DeviatorPlane(*(value[points] for value in self))
 
 
@@ -90,32 +91,11 @@ def deviator_plane(
     )
     if not lode:
         return DeviatorPlane(*squares, *[zeros_like(squares[0])] * 4)
-    of_start, of_direction = _cofactor(rows, start), _cofactor(rows, direction)
+    of_start, of_direction = (stack(cofactor_rows(part)) for part in (start, direction))
     return DeviatorPlane(
         *squares,
         4.5 * rows.contraction(of_start, start),
         13.5 * rows.contraction(of_start, direction),
         13.5 * rows.contraction(of_direction, start),
         4.5 * rows.contraction(of_direction, direction),
-    )
-
-
-def _cofactor(rows: TensorRows, tensor: Array) -> Array:
-    """Derivative of det with respect to a symmetric tensor, (component, point)."""
-    if rows.count == 3:
-        x, y, z = tensor
-        return stack([y * z, z * x, x * y])
-    if rows.count == 4:
-        x, y, xy, z = tensor
-        return stack([y * z, x * z, -xy * z, x * y - xy * xy])
-    x, y, z, yz, xz, xy = tensor
-    return stack(
-        [
-            y * z - yz * yz,
-            x * z - xz * xz,
-            x * y - xy * xy,
-            xz * xy - x * yz,
-            yz * xy - y * xz,
-            yz * xz - z * xy,
-        ]
     )

@@ -1,4 +1,4 @@
-"""Parameters of a classical model in a JSON file that a person can read, write and correct.
+"""Parameters of a classical model in a JSON file.
 
     {
       "model": "j2",
@@ -6,16 +6,17 @@
       "units": {"bulk_modulus": "Pa", "shear_modulus": "Pa", "yield_stress": "Pa"}
     }
 
-`units` may be left out, but never contradict the model. With `"parameter_set"`, the name of a
-published set, `parameters` may hold only those that differ from it. `"about"` is free: where the
-values come from.
+`units` may be left out, but must not contradict the model. With `"parameter_set"`, the name of a
+published set, `parameters` may hold only those that differ from it. `"about"` is free text, such as
+where the values come from.
 """
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
+
+from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError, model_validator
 
 from granbench.errors import ModelError
 from granbench.files.json_reading import parse_json, read_json
@@ -23,13 +24,18 @@ from granbench.files.whole_file import whole_file
 from granbench.models.catalogue import find_model
 from granbench.models.classical import ClassicalCell
 
-REQUIRED = ("model", "parameters")
-KEYS = (*REQUIRED, "parameter_set", "units", "about")
+EXPECTED = {
+    "string_type": "text in quotes",
+    "float_type": "a number in SI units, without quotes",
+    "finite_number": "a finite number",
+    "mapping_type": "an object {...}",
+    "dict_type": "an object {...}",
+}
+"""What pydantic's errors ask for, in words."""
 
 
-@dataclass(frozen=True)
-class ParameterFile:
-    """What a parameter file says.
+class ParameterFile(BaseModel):
+    """Content of a parameter file.
 
     Parameters
     ----------
@@ -37,14 +43,23 @@ class ParameterFile:
     parameters : values by name, SI units
     parameter_set : published set that the values replace some of; None where all are given
     units : by parameter name
-    about : whatever the writer wanted to keep with the values
+    about : anything that is worth keeping with the values, such as where they come from
     """
 
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
     model: str
-    parameters: Mapping[str, float]
+    parameters: Mapping[str, FiniteFloat]
     parameter_set: str | None = None
-    units: Mapping[str, str] = field(default_factory=dict)
-    about: Mapping[str, Any] = field(default_factory=dict)
+    units: Mapping[str, str] = {}
+    about: Mapping[str, Any] = {}
+
+    @model_validator(mode="after")
+    def _every_unit_has_a_value(self) -> Self:
+        for name in self.units:
+            if name not in self.parameters:
+                raise ValueError(f"units has {name!r}, but parameters has no value for it")
+        return self
 
     def cell(self, order: str = "plane") -> ClassicalCell:
         """The model with these parameters.
@@ -109,7 +124,7 @@ def write_parameters(
 
 
 def read_parameters(path: Path) -> ParameterFile:
-    """What a parameter file says; whether the model agrees is for `ParameterFile.cell` to find.
+    """Content of a parameter file; `ParameterFile.cell` checks it against the model.
 
     Raises
     ------
@@ -121,12 +136,12 @@ def read_parameters(path: Path) -> ParameterFile:
 
 
 def parse_parameters(text: str, source: str) -> ParameterFile:
-    """What a text of the form of a parameter file says; see `read_parameters`.
+    """Content of a text in the form of a parameter file; see `read_parameters`.
 
     Parameters
     ----------
     text : the JSON document
-    source : what it is, as errors name it
+    source : name of the text in errors
 
     Raises
     ------
@@ -137,9 +152,27 @@ def parse_parameters(text: str, source: str) -> ParameterFile:
 
 
 def _described(content: Any, source: str) -> ParameterFile:
-    _check(content, source)
-    parameters = {name: float(value) for name, value in content["parameters"].items()}
-    return ParameterFile(**{**content, "parameters": parameters})
+    try:
+        return ParameterFile.model_validate(content)
+    except ValidationError as error:
+        raise ModelError(f"{source}: {_complaint(error)}") from error
+
+
+def _complaint(error: ValidationError) -> str:
+    """The first thing that is wrong with a parameter file, and what to do."""
+    first = error.errors()[0]
+    field = ".".join(map(str, first["loc"]))
+    if first["type"] == "model_type":
+        return 'must be a JSON object {"model": NAME, "parameters": {...}}'
+    if first["type"] == "missing":
+        return f"{field!r} is missing; add it"
+    if first["type"] == "extra_forbidden":
+        known = ", ".join(ParameterFile.model_fields)
+        return f'unknown key {field!r}; a parameter file has {known}; put notes under "about"'
+    if first["type"] == "value_error":
+        return f"{first['ctx']['error']}; add it"
+    given = json.dumps(first["input"])
+    return f"{field!r} is {given[:60]} but must be {EXPECTED.get(first['type'], 'valid')}"
 
 
 def cell_from_file(path: Path, order: str = "plane") -> ClassicalCell:
@@ -160,33 +193,3 @@ def cell_from_file(path: Path, order: str = "plane") -> ClassicalCell:
         return described.cell(order)
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from error
-
-
-def _check(content: Any, source: str) -> None:
-    """Refuse what is not of the form that the module describes."""
-    if not isinstance(content, dict) or any(key not in content for key in REQUIRED):
-        raise ModelError(
-            f'{source}: is not a parameter file; it needs {{"model": NAME, "parameters": {{...}}}}'
-        )
-    if unknown := [key for key in content if key not in KEYS]:
-        raise ModelError(
-            f"{source}: {unknown[0]!r} means nothing in a parameter file, which holds "
-            f'{", ".join(KEYS)}; put it into "about" or leave it out'
-        )
-    for key in ("model", "parameter_set"):
-        if not isinstance(content.get(key, ""), str):
-            raise ModelError(f"{source}: {key!r} must be a name in quotes")
-    for key in ("parameters", "units", "about"):
-        if not isinstance(content.get(key, {}), dict):
-            raise ModelError(f"{source}: {key!r} must be an object, {{...}}")
-    for name, value in content["parameters"].items():
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ModelError(
-                f"{source}: parameter {name!r} is {json.dumps(value)}; give a number in SI units, "
-                "without quotes"
-            )
-    known = content.get("units", {})
-    if strange := [name for name in known if name not in content["parameters"]]:
-        raise ModelError(f"{source}: gives a unit for {strange[0]!r}, but no value; add it")
-    if any(not isinstance(unit, str) for unit in known.values()):
-        raise ModelError(f'{source}: every unit must be text in quotes, such as "Pa"')

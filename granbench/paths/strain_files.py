@@ -2,8 +2,8 @@
 
 A file has one row for each step and one column for each component of one order: ``eps_xx`` is the
 cumulative strain xx, and ``sig_xx`` in its place the stress. A file whose only column is
-``eps_axial`` (``eps_shear``) is the history of the driving strain of a standard test. Compression is
-positive, strain has no unit (0.01 is one per cent) and stress is in Pa, unless a header states
+``eps_axial`` (``eps_shear``) is the driving strain of a standard test. Compression is positive,
+strain has no unit (0.01 is one per cent) and stress is in Pa, unless a header states
 another unit as in ``sig_xx [kPa]``. `granbench.tables.table_files` describes the tables.
 """
 
@@ -31,7 +31,7 @@ from granbench.tensors import COMPONENT_ORDERS, normal_mask
 from granbench.units.known_units import (
     is_stress_unit,
     known_units,
-    split_strange_unit,
+    split_unknown_unit,
     text_behind_unit,
     unit_factor,
 )
@@ -195,14 +195,14 @@ def _plain_name(column: Column) -> str:
     """
     if text_behind_unit(column.header):
         return column.header
-    name, _ = split_strange_unit(column.name) or (column.name, None)
+    name, _ = split_unknown_unit(column.name) or (column.name, None)
     return name.lower() if name.lower() in KNOWN_COLUMNS else column.name
 
 
 def _in_si(table: Table, column: Column, name: str) -> Floats:
     """The numbers of a column, (row,), strain as a ratio and stress in Pa."""
     stress = name.startswith(STRESS)
-    _, strange = split_strange_unit(column.name) or ("", None)
+    _, strange = split_unknown_unit(column.name) or ("", None)
     unit = column.unit or strange
     factor = 1.0 if unit is None else unit_factor(unit)
     if unit is not None and (factor is None or is_stress_unit(unit) != stress):

@@ -8,10 +8,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
 
 from granbench.benchmark.axes.along_paths.protocols import PROTOCOLS
 from granbench.errors import ConfigurationError
+from granbench.plotting.error_curves import ErrorLine, draw_error_line, draw_floor
 from granbench.plotting.style import TRUTH, figure_grid, house_style, model_styles
 from granbench.records.turning_points import shown_rows
 from granbench.tensors import component_order, deviatoric_stress, mean_stress
@@ -172,21 +172,16 @@ def horizon_figure(
         for name, of_model in curves.items():
             for curve in of_model:
                 if (curve.split, curve.protocol) == (split, protocol) and any(curve.value):
-                    axis.plot(curve.horizon, curve.value, label=name, **styles[name].line())
-                    if curve.low:
-                        colour = styles[name].colour
-                        axis.fill_between(
-                            curve.horizon, curve.low, curve.high, color=colour, alpha=0.12
-                        )
+                    parts = (curve.horizon, curve.value, curve.low, curve.high)
+                    draw_error_line(axis, ErrorLine(name, styles[name], *parts))
                     drawn.add(name)
         if floor and PROTOCOLS[protocol].restart is None:
-            axis.axhline(floor, color="0.3", linestyle=(0, (2, 3)), label="replicate scatter")
+            draw_floor(axis, floor)
         axis.set_yscale("log")
         axis.set(
             title=PROTOCOLS[protocol].title,
             xlabel="horizon [steps since truth was given]",
         )
-        axis.xaxis.set_major_locator(MaxNLocator(integer=True))
     if not drawn:
         raise ConfigurationError(f"no model has an error curve for split {split!r} to draw")
     axes[0].set_ylabel("normalised stress MSE [–]")

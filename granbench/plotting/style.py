@@ -4,6 +4,7 @@ Figures are built on `matplotlib.figure.Figure` itself, never on pyplot, so that
 changes nothing anywhere else and needs no screen.
 """
 
+import io
 import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -33,6 +34,9 @@ UNDATED: dict[str, dict[str, Any]] = {
     "svg": {"Date": None},
 }
 """Formats of a saved figure, and what matplotlib must leave out for the same bytes every time."""
+
+SALT = "granbench"
+"""Without one matplotlib names the parts of an SVG at random."""
 
 SETTINGS: dict[Any, Any] = {
     "axes.grid": True,
@@ -229,10 +233,23 @@ def save_figure(figure: Figure, path: Path | str) -> Path:
     path = Path(path)
     kind = figure_format(path)
     _make_drawable(figure)
-    # Without a salt matplotlib names the parts of an SVG at random.
     with (
         whole_file(path, ConfigurationError) as partial,
-        mpl.rc_context({"svg.hashsalt": "granbench"}),
+        mpl.rc_context({"svg.hashsalt": SALT}),
     ):
         figure.savefig(partial, format=kind, dpi=RESOLUTION, metadata=UNDATED[kind])
     return path
+
+
+def figure_svg(figure: Figure) -> str:
+    """A figure as the text of an SVG file, with its words as text and no date in it.
+
+    The same figure always gives the same text.
+    """
+    _make_drawable(figure)
+    written = io.StringIO()
+    settings = {"svg.hashsalt": SALT, "svg.fonttype": "none", "font.sans-serif": ["DejaVu Sans"]}
+    with mpl.rc_context(settings):
+        metadata = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+        figure.savefig(written, format="svg", metadata=metadata)
+    return written.getvalue()

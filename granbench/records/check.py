@@ -1,4 +1,4 @@
-"""The check of a dataset against the schema: the first breach is named, with its remedy.
+"""The check of a dataset against the schema: the error names the first fault and its remedy.
 
 Values are read a block of paths at a time, so that a file larger than memory can be checked.
 """
@@ -20,7 +20,7 @@ from granbench.records.schema import (
 from granbench.tensors import component_order
 
 LARGEST_LABELS = 2**27
-"""Bytes of the labels of one variable as NumPy holds them: each with the length of the longest."""
+"""Largest size of the labels of one variable in memory, bytes; all are as long as the longest."""
 
 
 def validate_records(ds: xr.Dataset, source: str = "the dataset") -> None:
@@ -35,9 +35,9 @@ def validate_records(ds: xr.Dataset, source: str = "the dataset") -> None:
     ------
     DatasetError
         Naming the file, the variable and the remedy: a missing variable, wrong dimensions,
-        units or type, a value that is not finite or makes no sense, strain that does not
-        begin at zero, two paths of one name, an unknown split, a specimen in two splits, a
-        missing attribute.
+        units or type, a value that is not finite or out of range, strain that is not zero at
+        step 0, two paths with one name, an unknown split, a specimen in two splits, or a missing
+        attribute.
     """
     for name, spec in SCHEMA.items():
         if name in ds.variables:
@@ -117,7 +117,7 @@ def _check_labels(ds: xr.Dataset, source: str) -> None:
         repeated = min(set(range(ds.sizes["path"])) - set(first_rows.tolist()))
         raise DatasetError(
             f"{source}: variable 'path_id' holds {ds['path_id'].values[repeated]!r} more than "
-            "once; give every path a name of its own"
+            "once; give every path a different name"
         )
     split_of: dict[str, str] = {}
     for specimen, split in zip(ds["specimen"].values, ds["split"].values, strict=True):
@@ -168,7 +168,7 @@ def _check_range(ds: xr.Dataset, name: str, spec: VariableSpec, source: str) -> 
         if not (spec.nullable or finite.all()):
             raise DatasetError(
                 f"{source}: variable {name!r} has values that are NaN or infinite in "
-                f"path {_path(ds, ~finite, row)!r}; remove the path or mend its source"
+                f"path {_path(ds, ~finite, row)!r}; remove the path or correct its source"
             )
         if limits != ANY and (out := ~(limits.holds(values) | np.isnan(values))).any():
             reason = f" in a dataset with {beside!r}" if beside else ""
@@ -176,7 +176,7 @@ def _check_range(ds: xr.Dataset, name: str, spec: VariableSpec, source: str) -> 
                 f"{source}: variable {name!r} ({spec.long_name}) is "
                 f"{_quantity(values[out][0], spec)} in path "
                 f"{_path(ds, out.any(axis=1), row)!r}, but must be {limits}{reason}; remove the "
-                "path or mend its source"
+                "path or correct its source"
             )
         row += len(block)
 
@@ -191,14 +191,14 @@ def _check_order(ds: xr.Dataset, name: str, spec: VariableSpec, source: str) -> 
             raise DatasetError(
                 f"{source}: variable {name!r} ({spec.long_name}) is "
                 f"{_quantity(large[out][0], spec)} in path {_path(ds, out, row)!r}, less than its "
-                f"{spec.not_below!r}, {_quantity(small[out][0], spec)}; remove the path or mend "
-                "its source"
+                f"{spec.not_below!r}, {_quantity(small[out][0], spec)}; remove the path or "
+                "correct its source"
             )
         row += len(large)
 
 
 def _path(ds: xr.Dataset, bad: np.ndarray, row: int = 0) -> str:
-    """Name of the first bad path of a block that begins at `row`."""
+    """Name of the first path that is `bad`, in a block that begins at `row`."""
     return str(ds["path_id"].values[row + int(np.argmax(bad))])
 
 

@@ -1,7 +1,7 @@
 """Files of stress-strain records: written whole or not at all, sealed by a content hash.
 
-The hash covers values, not file bytes, so that it survives another compression or another
-netCDF library. Each variable carries its own, so that a difference can be named.
+The hash covers values, not the bytes of the file, so that it does not depend on the compression or
+the netCDF library. Each variable has its own hash, so that an error names the one that differs.
 """
 
 import hashlib
@@ -24,8 +24,8 @@ from granbench.records.schema import (
 )
 
 CHUNK_BYTES = 2**18
-"""Of one component over some paths, before compression: long runs of like bytes compress well,
-and one path is still read without most of the others."""
+"""Size of a chunk, one component of some paths, before compression, bytes: long runs of similar
+bytes compress well, and one path is still read without most of the others."""
 INFORMATIVE_ATTRIBUTES = (
     "title",
     "generator_version",
@@ -35,20 +35,20 @@ INFORMATIVE_ATTRIBUTES = (
     "tangents",
     "admissible_scaling",
 )
-"""Global attributes that are there for people, or that name the release which wrote the file:
+"""Global attributes for people, or with the release that wrote the file, which are not hashed:
 another release that makes the same values makes the same dataset."""
 HASHES = ("content_sha256", "configuration_sha256", "sealed_variables")
 _REMEDY = "give a file of stress-strain records, or fetch it again"
 
 _checked: set[tuple[str, int, int, int]] = set()
-"""Files as they were when they were found to be records; see `mark_as_checked`."""
+"""Files that were found to hold records, by path, inode, size and time; see `mark_as_checked`."""
 
 
 def content_hashes(ds: xr.Dataset) -> dict[str, str]:
-    """SHA-256 over the values of every variable and coordinate, by name.
+    """SHA-256 of the values of every variable and coordinate, by name.
 
-    The digest covers dimension names, type, shape and the little-endian bytes in C order;
-    text goes in as UTF-8 JSON. NaN counts as one value whatever its bits.
+    The hash covers dimension names, type, shape and the little-endian bytes in C order; text is
+    hashed as UTF-8 JSON. All NaN have the same hash.
     """
     return {str(name): _content_hash(ds[name]) for name in sorted(map(str, ds.variables))}
 
@@ -70,19 +70,19 @@ def _content_hash(variable: xr.DataArray) -> str:
 
 
 def dataset_hash(hashes: Mapping[str, str]) -> str:
-    """One SHA-256 over the hashes of all variables, whatever their order."""
+    """SHA-256 of the hashes of all variables, which does not depend on their order."""
     lines = "".join(f"{name} {hashes[name]}\n" for name in sorted(hashes))
     return hashlib.sha256(lines.encode()).hexdigest()
 
 
 def attributes_hash(ds: xr.Dataset) -> str:
-    """One SHA-256 over what a dataset says of itself, apart from its values.
+    """SHA-256 of the attributes of a dataset.
 
-    It covers every global attribute but `INFORMATIVE_ATTRIBUTES` and the `HASHES`: name, version,
-    licence, generator, engine, configuration, thesis section, conventions, and, where they stand,
-    `ground_truth`, `embedded_analyses` and whatever else is there, so that an attribute that was
-    added is found too; and every attribute of every variable, such as `units` and `long_name`, but
-    its hash. Names of attributes and variables may come in any order.
+    It covers every global attribute except `INFORMATIVE_ATTRIBUTES` and `HASHES`: name, version,
+    licence, generator, engine, configuration, thesis section, conventions, `ground_truth`,
+    `embedded_analyses` and all others, so that an added attribute is found too. It also covers
+    every attribute of every variable, such as `units` and `long_name`, except its hash. The order
+    of attributes and variables does not matter.
     """
     covered = {
         "global": {
@@ -104,7 +104,7 @@ def attributes_hash(ds: xr.Dataset) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """An attribute as JSON can hold it, whatever type of number a file or a program made of it."""
+    """An attribute as a JSON value, whatever its type of number."""
     return value if isinstance(value, str) else np.asarray(value).tolist()
 
 
@@ -113,7 +113,7 @@ def _configuration_hash(ds: xr.Dataset) -> str:
 
 
 def seal(ds: xr.Dataset) -> xr.Dataset:
-    """The dataset with its hashes in the attributes: per variable, as a whole, configuration."""
+    """The dataset with hashes in its attributes: of each variable, of all, of the configuration."""
     sealed = ds.copy()
     hashes = content_hashes(ds)
     for name, value in hashes.items():
@@ -125,7 +125,12 @@ def seal(ds: xr.Dataset) -> xr.Dataset:
 
 
 def verify(ds: xr.Dataset, source: str = "the dataset") -> None:
-    """Recompute every hash of a sealed dataset and compare.
+    """Compare the values of a sealed dataset with its hashes.
+
+    Parameters
+    ----------
+    ds : sealed dataset
+    source : file name for the error text
 
     Raises
     ------
@@ -134,15 +139,15 @@ def verify(ds: xr.Dataset, source: str = "the dataset") -> None:
     """
     if "content_sha256" not in ds.attrs or "sealed_variables" not in ds.attrs:
         raise DatasetError(
-            f"{source}: global attribute 'content_sha256' is missing; the file was never sealed: "
+            f"{source}: global attribute 'content_sha256' is missing; the file has no hashes: "
             "write it with granbench.records.write_records"
         )
     hashes = content_hashes(ds)
-    promised = str(ds.attrs["sealed_variables"]).split()
+    listed = str(ds.attrs["sealed_variables"]).split()
     remedy = "fetch the file again with `granbench data fetch`"
-    if lost := sorted(set(promised) - set(hashes)):
+    if lost := sorted(set(listed) - set(hashes)):
         raise DatasetError(f"{source}: sealed variable {', '.join(lost)} is missing; {remedy}")
-    if added := sorted(set(hashes) - set(promised)):
+    if added := sorted(set(hashes) - set(listed)):
         raise DatasetError(f"{source}: variable {', '.join(added)} is not sealed; {remedy}")
     if differing := [n for n in hashes if ds[n].attrs.get("content_sha256") != hashes[n]]:
         plural = "s" if len(differing) > 1 else ""
@@ -163,22 +168,22 @@ def verify(ds: xr.Dataset, source: str = "the dataset") -> None:
 
 
 def write_records(ds: xr.Dataset, path: Path | str) -> Path:
-    """Validate, seal and write a dataset; the final name appears only when the file is whole.
+    """Check, seal and write a dataset; the file appears under its name only when it is complete.
 
     Parameters
     ----------
-    ds : stress-strain records that follow the schema, in its units; variables without a `units`
-        attribute get it
+    ds : stress-strain records that follow the schema, in its units; a missing `units` attribute is
+        added
     path : file to write; an existing one is replaced
 
     Returns
     -------
-    path
+    Path of the file
 
     Raises
     ------
     DatasetError
-        If the dataset breaks the schema, or the folder cannot be written or is full.
+        If the dataset does not follow the schema, or the file cannot be written.
     """
     path = Path(path)
     described = describe(ds)
@@ -193,18 +198,18 @@ def write_records(ds: xr.Dataset, path: Path | str) -> Path:
 
 
 def _encoding(variable: xr.Variable) -> dict[str, Any]:
-    """How a variable is stored; a chunk of 1-D labels or numbers holds all of them."""
+    """Storage of a variable; all 1-D labels or numbers are in one chunk."""
     if not variable.size:
         return {}
     compressed = {"zlib": True, "complevel": 6, "shuffle": True}
     if variable.dtype.kind not in "fiu":
-        # Text of variable length would take some 50 bytes a label, and is never compressed.
+        # Text of variable length takes about 50 bytes per label, and is never compressed.
         return {**compressed, "dtype": "S1"}
     return {**compressed, "chunksizes": _chunk(variable) if variable.ndim > 1 else variable.shape}
 
 
 def _chunk(variable: xr.Variable) -> tuple[int, ...]:
-    """Some paths of one component: compresses best, and one path is read without the others."""
+    """Chunk of one component of some paths; see `CHUNK_BYTES`."""
     paths, *others = variable.shape
     together = max(1, CHUNK_BYTES // (variable.dtype.itemsize * others[0]))
     return (min(paths, together), *others[:1], *(1 for _ in others[1:]))
@@ -213,27 +218,27 @@ def _chunk(variable: xr.Variable) -> tuple[int, ...]:
 def open_records(
     path: Path | str, *, chunks: int | dict[str, int] | str | None = None
 ) -> xr.Dataset:
-    """Open a file of records lazily; one that is not known to be sound is first read to its end.
+    """Open a file of records lazily; its whole content is checked first.
 
-    That first reading, `check_records`, is made in a child process with bounds on memory and time;
-    once in a process for a file that does not change, and not for a file that `mark_as_checked`
-    names.
+    The check, `check_records`, runs in a child process with limits on memory and time. It is not
+    repeated in the same process while the file does not change, and is left out for files that
+    were marked by `mark_as_checked`.
 
     Parameters
     ----------
     path : netCDF file
-    chunks : as in `xarray.open_dataset`; dask is needed for it. Values stay on disk either way
-        until they are used.
+    chunks : as in `xarray.open_dataset`, which needs dask for it; values are read when they are
+        used in either case
 
     Returns
     -------
-    The dataset; close it, or use it as a context manager, when the file has to be released.
+    Dataset; close it, or use it as a context manager, to release the file
 
     Raises
     ------
     DatasetError
-        If the file is missing, is no netCDF file, declares more than it can hold, breaks the
-        schema, or cannot be read within the bounds.
+        If the file is missing, is not a netCDF file, declares more values than it has, does not
+        follow the schema, or cannot be read within the limits.
     """
     path = Path(path)
     require_netcdf(path, DatasetError, _REMEDY)
@@ -244,9 +249,9 @@ def open_records(
 
 
 def open_records_here(path: Path) -> xr.Dataset:
-    """As `open_records`, but the first reading is made in this process.
+    """Open a file of records as `open_records` does, but check it in this process.
 
-    For functions that are called within `read_bounded`.
+    It is meant for functions that `read_bounded` calls.
 
     Raises
     ------
@@ -261,7 +266,7 @@ def open_records_here(path: Path) -> xr.Dataset:
 
 
 def check_records(path: Path) -> None:
-    """Read a file of records to its end and check it against the schema, in this process.
+    """Check the whole content of a file of records against the schema, in this process.
 
     Raises
     ------
@@ -273,11 +278,11 @@ def check_records(path: Path) -> None:
 
 
 def mark_as_checked(path: Path) -> None:
-    """Note that a file, as it is now, is known to hold records, so that it is opened at once.
+    """Mark a file, as it is now, as checked, so that it is opened without another check.
 
     Parameters
     ----------
-    path : a file that `check_records` accepted, or whose SHA-256 is that of a registered one
+    path : file that `check_records` accepted, or whose SHA-256 is registered
     """
     _checked.add(_mark(path))
 

@@ -1,7 +1,6 @@
-"""What a soil mechanician reads off records: peak, critical state, tests worth comparing.
+"""Peak and critical states of recorded tests, and selections of tests.
 
-Every function that looks at strain or stress takes records in the `principal` order; all are
-free of files and figures.
+Functions that use strain or stress need records in the `principal` order.
 """
 
 from collections.abc import Sequence
@@ -15,19 +14,19 @@ from granbench.errors import DatasetError
 from granbench.tensors import deviatoric_stress, mean_stress
 
 ATMOSPHERIC_PRESSURE = 101_325.0
-"""Pa; only the reference of `CriticalStateLine`."""
+"""Reference pressure of `CriticalStateLine`, Pa."""
 
 PRESSURE_EXPONENT = 0.7
-"""Exponent of Li and Wang (1998), which straightens the critical-state line of sands and of
-frictional spheres, both curved in e - ln p."""
+"""Exponent of Li and Wang (1998), with which the critical-state line of sands and of frictional
+spheres is straight; in e - ln p it is curved."""
 
 MONOTONIC_FAMILIES = ("constant-p", "constant-sigma3")
 CRITICAL_STRAIN = 0.3
-"""Axial strain below which a test is not counted as having reached its critical state."""
+"""Axial strain from which on a test counts as having reached its critical state."""
 
 AVERAGED_SHARE = 0.05
-"""Share of a record, at its end, over which the critical state is averaged: a few thousand
-grains fluctuate by some percent from step to step."""
+"""Fraction of a record, at its end, over which the critical state is averaged: the stress of a few
+thousand grains fluctuates by some percent from step to step."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ class CriticalStateLine:
 
     @classmethod
     def fit(cls, pressure: NDArray, void_ratio: NDArray) -> "CriticalStateLine":
-        """Least squares through states.
+        """Fit the line to states by least squares.
 
         Parameters
         ----------
@@ -82,9 +81,9 @@ class CriticalStateLine:
 def initial_void_ratio_at(records: xr.Dataset, pressure: float) -> xr.DataArray:
     """Initial void ratio that each path of one grading would have at another mean stress.
 
-    A specimen is loaded from several consolidation pressures, and others from others: to compare
-    preparations, e0 is moved along e0 = c - slope (p0/p_a)^0.7, with the slope that fits the
-    pairs of pressures *within* specimens best, one for all.
+    Specimens are loaded from different consolidation pressures. To compare preparations, e0 is
+    moved along e0 = c - slope (p0/p_a)^0.7, with one slope for all that best fits the differences
+    between pressures *within* specimens.
 
     Parameters
     ----------
@@ -113,7 +112,13 @@ def stress_ratio(records: xr.Dataset) -> NDArray[np.float64]:
 
 
 def select(records: xr.Dataset, **wanted: object) -> xr.Dataset:
-    """The paths whose coordinates have the given values; a tuple stands for any of its values."""
+    """The paths whose coordinates have the given values.
+
+    Parameters
+    ----------
+    records : all paths
+    wanted : value of a coordinate, by name; a tuple means any of its values
+    """
     chosen = np.ones(records.sizes["path"], dtype=bool)
     for name, value in wanted.items():
         values = value if isinstance(value, tuple) else (value,)
@@ -139,17 +144,23 @@ def named_paths(records: xr.Dataset, names: Sequence[str]) -> xr.Dataset:
 
 
 def strained(records: xr.Dataset, axial_strain: float = CRITICAL_STRAIN) -> xr.Dataset:
-    """The monotonic tests that reach an axial strain."""
+    """The monotonic tests that reach an axial strain.
+
+    Parameters
+    ----------
+    records : all paths
+    axial_strain : compression positive
+    """
     tests = select(records, loading_family=MONOTONIC_FAMILIES)
     reached = tests["strain"].isel(step=-1, component=0).values >= axial_strain
     return tests.isel(path=np.flatnonzero(reached))
 
 
 def comparable_compressions(records: xr.Dataset) -> xr.Dataset:
-    """The constant-p tests of one grading, pressure and b, as many as there are, by void ratio.
+    """The largest group of constant-p tests with one grading, pressure and b, by void ratio.
 
-    Of all such groups the one with the most specimens is taken; of equal ones that with the
-    smallest b, the conventional compression. Empty if there is no constant-p test.
+    Of groups with equally many specimens, the one with the smallest b, the conventional
+    compression, is taken. The result is empty if there is no constant-p test.
     """
     tests = select(records, loading_family="constant-p")
     keys = [
@@ -170,12 +181,12 @@ def comparable_compressions(records: xr.Dataset) -> xr.Dataset:
 
 
 def critical_states(records: xr.Dataset) -> xr.Dataset:
-    """Mean state over the end of every monotonic test that was strained far enough.
+    """Mean state at the end of every monotonic test that reached the critical state.
 
     Returns
     -------
-    Dataset with `stress` (path, component), Pa, and `void_ratio` (path,), with the paths'
-    coordinates
+    Dataset with `stress`, (path, component), Pa, and `void_ratio`, (path,), and the coordinates of
+    the paths
     """
     tests = strained(records)
     steps = max(1, round(AVERAGED_SHARE * tests.sizes["step"]))
@@ -184,14 +195,14 @@ def critical_states(records: xr.Dataset) -> xr.Dataset:
 
 
 def peak_stresses(records: xr.Dataset) -> xr.DataArray:
-    """Stress (path, component), Pa, at the largest q/p of every monotonic test."""
+    """Stress at the largest q/p of every monotonic test, (path, component), Pa."""
     tests = select(records, loading_family=MONOTONIC_FAMILIES)
     peak = xr.DataArray(stress_ratio(tests).argmax(axis=1), dims="path")
     return tests["stress"].isel(step=peak).astype(np.float64)
 
 
 def matsuoka_nakai_ratio(b: NDArray, compression_ratio: float) -> NDArray[np.float64]:
-    """q/p on the Matsuoka-Nakai surface that has a given q/p in triaxial compression.
+    """q/p on the Matsuoka-Nakai surface through a given q/p in triaxial compression.
 
     Parameters
     ----------
@@ -205,8 +216,8 @@ def matsuoka_nakai_ratio(b: NDArray, compression_ratio: float) -> NDArray[np.flo
     Notes
     -----
     The surface is I1 I2 / I3 = constant (Matsuoka and Nakai 1974). At given b the left side
-    grows with r = q/p from 9 at r = 0, so r is found by bisection; it never exceeds that of
-    triaxial compression.
+    increases with r = q/p from 9 at r = 0, so that r is found by bisection; it never exceeds that
+    of triaxial compression.
     """
     b = np.asarray(b, dtype=float)
     target = _invariant_ratio(np.zeros_like(b), np.full_like(b, compression_ratio))
@@ -227,7 +238,7 @@ def _invariant_ratio(b: NDArray, ratio: NDArray) -> NDArray:
 
 
 def principal_stress(b: NDArray, ratio: NDArray) -> NDArray[np.float64]:
-    """Stress (..., 3) of unit mean stress with a given b and q/p, both (...)."""
+    """Principal stresses of unit mean stress, (..., 3), with given b and q/p, both (...)."""
     # With s1 - s3 = d: deviator (2 - b, 2b - 1, -1 - b) d/3 and q = d sqrt(1 - b + b^2).
     spread = ratio / np.sqrt(1.0 - b + b**2)
     weights = np.stack([2.0 - b, 2.0 * b - 1.0, -1.0 - b], axis=-1)

@@ -1,19 +1,19 @@
-"""How finely values are kept: a float32 has more digits than most numbers deserve.
+"""Rounding of recorded values, because float32 has more digits than most of them need.
 
-Digits that mean nothing do not compress. Both roundings are idempotent, their results are exact
-in single precision, and the last bits of exp and matmul, which differ from machine to machine,
-go with what is rounded away.
+Meaningless digits do not compress. Rounding twice changes nothing, the results are exact in single
+precision, and the last bits of exp and matmul, which differ from machine to machine, are rounded
+away.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 MANTISSA_BITS = 23
-"""Stored bits of a float32's mantissa."""
+"""Stored bits of the mantissa of a float32."""
 
 
 def on_grid(values: ArrayLike, spacing: float) -> NDArray[np.float32]:
-    """Values rounded to multiples of a spacing, ties to even; NaN stays NaN.
+    """Round values to multiples of a spacing, ties to even; NaN stays NaN.
 
     Parameters
     ----------
@@ -25,14 +25,15 @@ def on_grid(values: ArrayLike, spacing: float) -> NDArray[np.float32]:
 
 
 def keep_mantissa(values: ArrayLike, bits: int) -> NDArray[np.float32]:
-    """Values rounded to some bits of mantissa, ties to even; NaN stays NaN.
+    """Round values to some bits of mantissa, ties to even; NaN stays NaN.
 
-    Magnitudes that float32 cannot hold become NaN.
+    Values that are too large for float32 become NaN.
 
     Parameters
     ----------
     values : any shape
-    bits : stored, fewer than `MANTISSA_BITS`; the relative error is at most 2^-(bits + 1)
+    bits : number of stored bits, fewer than `MANTISSA_BITS`; the relative error is at most
+        2^-(bits + 1)
     """
     with np.errstate(over="ignore"):
         single = np.ascontiguousarray(values, dtype=np.float32)

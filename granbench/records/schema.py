@@ -1,4 +1,4 @@
-"""The dataset schema: names, dimensions, units and ranges of a stress-strain record.
+"""The dataset schema: names, dimensions, units and ranges of variables of stress-strain records.
 
 Stress and strain are compression positive; strain is cumulative (logarithmic in particle data)
 and zero at step 0, where the stress is known. Directions of a `principal` record: 11 axial
@@ -27,17 +27,17 @@ PLANE_STRAIN_CONVENTIONS = (
 )
 SPLIT_PATTERN = re.compile(r"train|validation|test|ood-[a-z0-9-]+")
 VALUES_PER_BLOCK = 4_000_000
-"""Values read at a time where a whole variable is walked: 16 MB of float32."""
+"""Number of values that are read at a time from a whole variable: 16 MB of float32."""
 
 
 @dataclass(frozen=True)
 class Range:
-    """The values that a quantity can have.
+    """The range of a quantity.
 
     Parameters
     ----------
     minimum, maximum : in the units of the variable
-    above : whether the minimum itself is left out; the maximum never is
+    above : whether the minimum itself is out of range; the maximum is always in range
     """
 
     minimum: float = -math.inf
@@ -62,21 +62,21 @@ POSITIVE = Range(0.0, above=True)
 
 @dataclass(frozen=True)
 class VariableSpec:
-    """What the schema asks of one variable or coordinate.
+    """The entry of the schema for one variable or coordinate.
 
     Parameters
     ----------
     dims : dimension names, in order
     units : SI units, "1" where dimensionless, "" for a label
-    long_name : what it is, for axis labels
+    long_name : name for axis labels
     dtype : type in files, a NumPy name or "str"
-    required : whether every dataset has it
-    nullable : whether NaN is a value (what does not apply to a path)
-    limits : values that make sense
-    positive_with : variables of the same dataset beside which zero makes none either
-    not_below : variable that this one is at least as large as, path by path
-    internal : whether it is an internal variable of the material, which a model may carry as
-        state and predict
+    required : whether every dataset must have it
+    nullable : whether NaN is allowed, for a quantity that does not apply to a path
+    limits : range of the values
+    positive_with : variables; if the dataset has one of them, zero is out of range as well
+    not_below : variable that must not be larger than this one, path by path
+    internal : whether it is an internal variable of the material, which a model may have as state
+        and predict
     """
 
     dims: tuple[str, ...]
@@ -92,7 +92,7 @@ class VariableSpec:
 
     @property
     def kind(self) -> str:
-        """What its values are, in a word that an error message can use."""
+        """Kind of its values, a word for error messages."""
         return {"str": "text", "int64": "integer"}.get(self.dtype, "floating")
 
 
@@ -170,8 +170,7 @@ SCHEMA: dict[str, VariableSpec] = {
     "box_edge_ratio": _scalar("1", "box edge over largest grain diameter"),
     "preparation_friction": _scalar("1", "preparation friction mu_0", NOT_NEGATIVE),
     "initial_void_ratio": _scalar("1", "initial void ratio e_0", POSITIVE),
-    # A continuum may start without stress; grains with voids between them hold together under
-    # pressure only.
+    # A continuum may start without stress; grains with voids between them need pressure.
     "initial_mean_stress": VariableSpec(
         _PATH,
         "Pa",
@@ -183,7 +182,7 @@ SCHEMA: dict[str, VariableSpec] = {
     "intermediate_stress_ratio": _scalar(
         "1", "intermediate stress ratio b", Range(0.0, 1.0), nullable=True
     ),
-    # Drawn strain paths; NaN where a path is of another family.
+    # Drawn strain paths; NaN for a path of another family.
     "strain_deviation": _scalar(
         "1", "standard deviation of the principal strains", NOT_NEGATIVE, nullable=True
     ),
@@ -216,7 +215,7 @@ SCHEMA: dict[str, VariableSpec] = {
 }
 
 INTERNALS = tuple(name for name, spec in SCHEMA.items() if spec.internal)
-"""Dataset variables that are internal variables of a material."""
+"""Names of the internal variables of a material."""
 
 REQUIRED_ATTRIBUTES = (
     "dataset",
@@ -238,17 +237,17 @@ TEXT_ATTRIBUTES = (
     "ground_truth",
     "embedded_analyses",
 )
-"""Global attributes that are text where they stand; `REQUIRED_ATTRIBUTES` are text too."""
+"""Optional global attributes that must be text; `REQUIRED_ATTRIBUTES` must be text too."""
 
 
 GROUND_TRUTH = "ground_truth"
-"""Global attribute of a dataset that a model made: JSON, the model and its parameters."""
+"""Global attribute of a dataset made by a model: JSON with the model and its parameters."""
 
 
 def describe(ds: xr.Dataset) -> xr.Dataset:
-    """The dataset with the schema's types, and its `units` and `long_name` where they lack.
+    """The dataset with the types of the schema, and with missing `units` and `long_name` added.
 
-    Units that are already there are kept, right or wrong: `validate_records` judges them.
+    Units that are already there are kept, even wrong ones, which `validate_records` reports.
     """
     described = ds.copy()
     described.attrs.setdefault("conventions", CONVENTIONS)
@@ -263,24 +262,24 @@ def describe(ds: xr.Dataset) -> xr.Dataset:
 
 
 def path_blocks(variable: xr.DataArray) -> Iterator[np.ndarray]:
-    """The values of a variable in pieces along its first dimension, in order.
+    """The values of a variable in blocks along its first dimension, in order.
 
-    At most about `VALUES_PER_BLOCK` values are in memory at a time, so that a file larger
-    than memory can be checked and hashed.
+    About `VALUES_PER_BLOCK` values are in memory at a time, so that a file larger than memory can
+    be checked and hashed.
 
     Raises
     ------
     DatasetError
-        If the file behind it is damaged there.
+        If the file is damaged there.
     """
     per_row = max(1, math.prod(variable.shape[1:]))
     rows = max(1, VALUES_PER_BLOCK // per_row)
     pieces = [slice(start, start + rows) for start in range(0, (variable.shape or (1,))[0], rows)]
     for piece in pieces:
         try:
-            # A fresh selection leaves xarray's cache of the whole variable empty.
+            # A new selection does not fill the cache that xarray has for the whole variable.
             values = np.asarray(variable[piece].values if variable.ndim else variable.values)
-        except Exception as error:  # of a damaged file the libraries raise anything
+        except Exception as error:  # for a damaged file the libraries raise anything
             reason = " ".join(str(error).split()) or type(error).__name__
             raise DatasetError(
                 f"{variable.encoding.get('source', 'the dataset')}: variable {variable.name!r} "

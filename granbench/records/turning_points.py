@@ -1,7 +1,7 @@
-"""Which points of a curve must not be left out where it is thinned: those where it turns round.
+"""Reversals of a curve, which must be kept when it is thinned.
 
-A cyclic test that is thinned evenly loses its reversals; what is driven along the rest unloads
-late, too little or not at all, and answers with other stiffnesses.
+A cyclic test that is thinned evenly loses its reversals: a model that follows the remaining points
+unloads late, too little or not at all, and responds with other stiffnesses.
 """
 
 from collections.abc import Iterable
@@ -13,28 +13,33 @@ Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 NOISE_MARGIN = 4.0
-"""Standard deviations of the noise within which a change of direction is noise."""
+"""Smallest change of direction that is not noise, in standard deviations of the noise."""
 
-DRIVEN_BOUNDS = (1e-4, 0.02)
-ANSWER_BOUNDS = (5e-3, 0.1)
-"""Least and greatest change of direction, as a share of the scale, that counts as a reversal: of
-what drives a test, small loops count as well."""
+PRESCRIBED_BOUNDS = (1e-4, 0.02)
+MEASURED_BOUNDS = (5e-3, 0.1)
+"""Limits of the smallest change of direction that counts as a reversal, as fractions of the scale.
+Small loops of a prescribed series count as well."""
 
 WHITE = 0.6745 * 6.0**0.5
-"""Median size of a second difference of white noise of standard deviation one."""
+"""Median absolute second difference of white noise of standard deviation one."""
 
 
 def noise(series: Floats) -> float:
-    """Standard deviation of the white noise on a smooth series (row,)."""
+    """Standard deviation of the white noise on a smooth series, (row,)."""
     if len(series) < 3:
         return 0.0
     return float(np.median(np.abs(np.diff(series, 2)))) / WHITE
 
 
 def reversals(series: Floats, least: float) -> Rows:
-    """Rows at which a series (row,) turns round by more than `least`, first and last not counted.
+    """Rows at which a series reverses by more than `least`, without the first and the last row.
 
-    A row counts once the series has gone back from it by more than `least`.
+    A row counts when the series has gone back from it by more than `least`.
+
+    Parameters
+    ----------
+    series : (row,)
+    least : smallest change that counts, in the unit of the series
     """
     found: list[int] = []
     low = high = 0
@@ -57,18 +62,18 @@ def reversals(series: Floats, least: float) -> Rows:
 
 
 def turning_rows(
-    driving: Iterable[tuple[Floats, float]], answers: Iterable[tuple[Floats, float]]
+    prescribed: Iterable[tuple[Floats, float]], measured: Iterable[tuple[Floats, float]]
 ) -> Rows:
-    """Rows of a record that every thinning has to keep, the first and the last among them.
+    """Rows of a record that must be kept when it is thinned, with the first and the last.
 
     Parameters
     ----------
-    driving : what is prescribed, each (row,) with its scale: the range that makes a change large
-    answers : what is measured, likewise; series with NaN are left out
+    prescribed : series that are prescribed, each (row,), with its scale, a typical range
+    measured : series that are measured, in the same way; series with NaN are left out
     """
     kept: set[int] = set()
     rows = 1
-    for series_of, (lower, upper) in ((driving, DRIVEN_BOUNDS), (answers, ANSWER_BOUNDS)):
+    for series_of, (lower, upper) in ((prescribed, PRESCRIBED_BOUNDS), (measured, MEASURED_BOUNDS)):
         for series, scale in series_of:
             rows = len(series)
             if scale > 0.0 and np.isfinite(series).all():
@@ -78,13 +83,17 @@ def turning_rows(
 
 
 def spread_places(lengths: Floats, kept: Rows, count: int) -> Floats:
-    """Places (n,), in rows, that lie evenly along a curve and hold all rows that must be kept.
+    """Positions that are spread evenly along a curve and include all rows that must be kept.
 
     Parameters
     ----------
-    lengths : (row,), of the curve up to each row, growing
-    kept : sorted rows, first and last among them
-    count : of the places; n is larger where more must be kept
+    lengths : (row,), length of the curve up to each row, increasing
+    kept : sorted rows, with the first and the last
+    count : number of positions
+
+    Returns
+    -------
+    (n,), in rows, not always whole numbers; n is larger than `count` if more rows must be kept
     """
     extra = count - len(kept)
     if extra <= 0:
@@ -103,16 +112,17 @@ def spread_places(lengths: Floats, kept: Rows, count: int) -> Floats:
 
 
 def spread_rows(lengths: Floats, kept: Rows, count: int) -> Rows:
-    """Like `spread_places`, but whole rows, of which some may coincide; sorted, each once."""
+    """Rows next to the positions of `spread_places`; sorted, each once."""
     return np.unique(np.rint(spread_places(lengths, kept, count))).astype(np.int64)
 
 
 def shown_rows(x: ArrayLike, y: ArrayLike, count: int) -> list[int]:
-    """Rows of a curve that are marked in a figure: about `count`, and every reversal.
+    """Rows of a curve that are marked in a figure: about `count` of them, with every reversal.
 
     Parameters
     ----------
-    x, y : (row,); rows at which one is not finite are not counted
+    x, y : (row,); rows with a value that is not finite are left out
+    count : approximate number of rows
     """
     parts = [np.asarray(part, dtype=np.float64) for part in (x, y)]
     known = np.flatnonzero(np.isfinite(parts[0]) & np.isfinite(parts[1]))

@@ -1,1 +1,1 @@
-"""Tables that a user brings: text and workbooks, read in one way."""
+"""Reading of tables from users: text files and workbooks."""

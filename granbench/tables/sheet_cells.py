@@ -12,12 +12,12 @@ Rows = dict[int, list[Cell]]
 """Cells by row number (from 1), each row from column A on."""
 
 MOST_CELLS = 2_000_000
-"""Cells of all sheets, the empty ones before the last of a row included."""
+"""Largest number of cells of all sheets, including empty ones before the last of a row."""
 MOST_ROWS, MOST_COLUMNS = 1_048_576, 16_384
-"""What a sheet may have by the standard."""
+"""Largest size of a sheet by the standard."""
 
 NO_RESULT = "=(a formula without a stored result)"
-"""What stands in a cell whose formula no spreadsheet program has evaluated."""
+"""Text of a cell whose formula has not been evaluated by a spreadsheet program."""
 
 _REFERENCE = re.compile(r"([A-Z]{1,4})([0-9]{1,9})")
 _EPOCH, _EPOCH_1904 = datetime.datetime(1899, 12, 30), datetime.datetime(1904, 1, 1)
@@ -26,14 +26,14 @@ _LAST_DAY = 2_958_466
 
 @dataclass(frozen=True)
 class Book:
-    """What the sheets of a workbook share.
+    """Data that the sheets of a workbook share.
 
     Parameters
     ----------
-    source : the file, as errors name it
-    error : what is raised
-    texts : that cells refer to by number
-    dates, percents : numbers of the styles that show a number as a date, and as per cent
+    source : the file, for errors
+    error : type of the error
+    texts : shared texts, to which cells refer by number
+    dates, percents : numbers of the styles for dates, and for per cent
     epoch_1904 : whether days are counted from 1904
     most_cells : of all sheets together
     """
@@ -48,7 +48,7 @@ class Book:
 
 
 class SheetCells:
-    """Takes the elements of a sheet as a parser meets them and keeps the cells in `rows`."""
+    """Handler of a parser that collects the cells of a sheet in `rows`."""
 
     def __init__(self, book: Book, name: str, most_cells: int) -> None:
         self.rows: Rows = {}
@@ -64,7 +64,7 @@ class SheetCells:
         self._has_formula = False
 
     def start(self, tag: str, attributes: Mapping[str, str]) -> None:
-        """Take the beginning of an element."""
+        """Handle the start of an element."""
         if tag == "row":
             text = attributes.get("r", str(self._number + 1))
             if not (text.isascii() and text.isdigit() and 0 < int(text[:9]) <= MOST_ROWS):
@@ -81,14 +81,14 @@ class SheetCells:
             self._has_formula |= tag == "f"
 
     def text(self, piece: str) -> None:
-        """Take some text."""
+        """Handle text."""
         if self._inside in ("v", "t"):
             self._value = [*(self._value or ()), piece]
 
     def end(self, tag: str) -> None:
-        """Take the end of an element."""
+        """Handle the end of an element."""
         if tag == "c":
-            # Rows may lack their numbers, and cells their references: then they follow each other.
+            # Rows without numbers, and cells without references, follow each other.
             missing = self._at + 1 - len(self._cells)
             self.count += max(missing, 0)
             if self.count > self._most_cells:
@@ -103,7 +103,7 @@ class SheetCells:
 
     def _refusal(self, what: str) -> GranbenchError:
         return self._book.error(
-            f"{self._source} {what}; keep the table alone and save it again, or export the sheet "
+            f"{self._source} {what}; keep only the table and save it again, or export the sheet "
             "as CSV"
         )
 
@@ -115,7 +115,7 @@ class SheetCells:
             found = _REFERENCE.fullmatch(reference.replace("$", "").upper())
             if found is None or int(found[2]) != self._number:
                 raise self._refusal(
-                    f"has in row {self._number} a cell that is named {reference[:20]!r}"
+                    f"has in row {self._number} a cell with the reference {reference[:20]!r}"
                 )
             column = 0
             for letter in found[1]:
@@ -145,7 +145,7 @@ class SheetCells:
         style = self._attributes.get("s", "0")
         known = int(style) if style.isdigit() and len(style) < 9 else 0
         if known in self._book.percents:
-            # The sheet shows 0.05 as "5 %", and that is what its author sees.
+            # The sheet shows 0.05 as "5 %", as its author sees it.
             return f"{100.0 * number!r}%"
         if known in self._book.dates and 0.0 <= number < _LAST_DAY:
             epoch = _EPOCH_1904 if self._book.epoch_1904 else _EPOCH

@@ -1,8 +1,7 @@
-"""The one reader of tables that users bring: strain paths, load paths and laboratory tests.
+"""Reader of all tables from users: strain paths, load paths and laboratory tests.
 
-It reads text in any of the usual encodings, with cells between commas, semicolons, tabs, bars or
-blanks, and sheets of .xlsx workbooks. What it cannot tell for certain it refuses, with the question
-that settles it.
+It reads text in the usual encodings, with cells separated by commas, semicolons, tabs, bars or
+blanks, and sheets of .xlsx workbooks. Ambiguous files are refused with a question to the user.
 """
 
 from collections.abc import Sequence
@@ -25,29 +24,29 @@ from granbench.units.known_units import (
 )
 
 MOST_BYTES = 64_000_000
-"""Of a file of text or a workbook that is read."""
+"""Largest size of a text file or a workbook."""
 
 
 def read_table(
     path: Path, error: type[GranbenchError], is_known: IsKnown, example: str, kinds: str
 ) -> Table:
-    """The table in a file of text or in a workbook with one sheet.
+    """Read the table in a text file or in a workbook with one sheet.
 
     Parameters
     ----------
     path : of the file
-    error : what is raised
-    is_known : whether the name of a column, without its unit, is one that is looked for; among
-        several lines that may be the heading the one with the most of them is
-    example : the columns that the file should have, for error texts
-    kinds : the kinds of file that may be given, for error texts
+    error : type of the error
+    is_known : whether the name of a column, without its unit, is a known one; of several possible
+        headings the one with the most known names is chosen
+    example : columns that the file should have, for error texts
+    kinds : permitted kinds of file, for error texts
 
     Raises
     ------
     GranbenchError
         The given one, naming file and line: the file is missing, too large or of another kind,
-        no heading stands above the numbers, a row has another number of cells than the heading,
-        text stands among the rows, a second table begins, a column has two units.
+        there is no heading above the numbers, a row has another number of cells than the heading,
+        there is text between the rows, a second table begins, a column has two units.
     """
     require_file(path, error, MOST_BYTES)
     if is_workbook(path):
@@ -76,8 +75,8 @@ def _no_table(
     for line in lines[:HEAD]:
         if line.comment is None and any(is_number_row(line.cells(s)) for s in separators):
             return error(
-                f"{source}, {line.place}: numbers begin without a header above them; write the "
-                f"names of the columns there: {example}"
+                f"{source}, {line.place}: numbers begin without a header above them; add the "
+                f"names of the columns: {example}"
             )
     return error(
         f"{source}: has no row of numbers below a header (its first line is "
@@ -113,14 +112,14 @@ def _column(
     if unit and below and _in_si(unit) != _in_si(below):
         raise error(
             f"{source}: column {header!r} has the unit {unit} in its header and {below} in the "
-            "line below; keep the one that is right"
+            "line below; keep the correct one"
         )
     shown = header if unit or not below else f"{header} [{below}]"
     return Column(shown, name, unit or below, cells)
 
 
 def _unit_within(cells: Sequence[Cell]) -> str | None:
-    """The unit that stands behind every number of a column, or None."""
+    """The unit after every number of a column, or None."""
     written = [str(cell).strip() for cell in cells if cell_kind(cell) != "blank"]
     units = {cell.lstrip("+-−0123456789.,' \N{NO-BREAK SPACE}") for cell in written}
     if len(units) != 1 or not all(cell_kind(cell) == "with unit" for cell in written):
@@ -130,13 +129,13 @@ def _unit_within(cells: Sequence[Cell]) -> str | None:
 
 
 def _in_si(unit: str) -> object:
-    """What tells whether two units are the same."""
+    """The factors of a unit to SI, for comparison with another unit."""
     factors = unit_factor(unit), length_factor(unit), time_factor(unit)
     return factors if any(factors) else unit.lower()
 
 
 def _is_left_out(cells: list) -> bool:
-    """Whether a column without a name is empty or counts the rows, as pandas writes it."""
+    """Whether a column without a name is empty or holds row numbers, as from pandas."""
     if all(cell_kind(cell) == "blank" for cell in cells):
         return True
     texts = [str(cell).strip().removesuffix(".0") for cell in cells]

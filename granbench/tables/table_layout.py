@@ -1,24 +1,24 @@
-"""Where the table stands in a file: its headings, its line of units, and what separates cells.
+"""Position of the table in a file: its heading, its line of units, and the separator of cells.
 
-A laboratory's file has more than a table: lines about the specimen before it, comments, headings
-of two lines, units. The heading is a line of names right above rows with as many cells; among
-several such lines it is the one with the most names that are known.
+The file of a laboratory holds more than a table: lines about the specimen, comments, headings of
+two lines, units. The heading is a line of names directly above rows with as many cells; of several
+such lines it is the one with the most known names.
 """
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from granbench.tables.text_rows import is_number_row
 from granbench.tables.written_numbers import cell_kind
 from granbench.units.known_units import LONGEST_HEADER, is_unit, split_header
 
 HEAD, HEAD_CHARACTERS = 2000, 200_000
-"""Lines and characters within which the table must begin."""
+"""Largest number of lines and characters before the table."""
 LINES_BELOW = 4
-"""Lines of text that may stand between the names of the columns and the first row."""
+"""Largest number of lines of text between the names of the columns and the first row."""
 COMMENTS_BELOW = 100
-"""Lines of any kind between them."""
+"""Largest number of lines of any kind between them."""
 ROWS_JUDGED = 20
 
 IsKnown = Callable[[str], bool]
@@ -31,11 +31,11 @@ class Headings:
 
     Parameters
     ----------
-    separator : what stands between cells, one of `granbench.tables.text_rows.SEPARATORS`
-    at : line of the names, counted from 0 in the list that was searched
-    first_row : line of the first row of numbers; the number of lines where there is none
+    separator : between cells, one of `granbench.tables.text_rows.SEPARATORS`
+    at : index of the line of names, from 0
+    first_row : index of the first row of numbers; the number of lines if there is none
     names : of the columns
-    units : of the columns, None where no line gives them
+    units : of the columns, None if no line gives them
     fits : whether the first row has as many cells as there are names
     """
 
@@ -49,14 +49,14 @@ class Headings:
 
 
 def find_headings(lines: Sequence, separators: Iterable[str], is_known: IsKnown) -> Headings | None:
-    """The heading of the table, or None where there is no line of names.
+    """Find the heading of the table; None if there is no line of names.
 
     Parameters
     ----------
     lines : with `cells`, `readings`, `comment`, `is_blank` and `is_drawn`, see
         `granbench.tables.text_rows.Line`
-    separators : that may stand between cells, the preferred one first
-    is_known : whether the name of a column, without its unit, is one that is looked for
+    separators : possible separators of cells, the preferred one first
+    is_known : whether the name of a column, without its unit, is a known one
     """
     lines = _head(lines)
     found: list[Headings] = []
@@ -89,14 +89,14 @@ def _headings_on(
     separator: str,
     is_known: IsKnown,
 ) -> Headings | None:
-    """The heading whose names stand on one line, if it may be one."""
+    """The heading with its names on one line, or None if the line cannot be one."""
     first = _first_row(lines, numeric, at)
     if first is None:
         return None
     readings = [_trimmed(reading) for reading in lines[at].readings(separator)]
     readings = [reading for reading in readings if _may_be_names(reading, is_known)]
     if first == len(rows):
-        # Without rows only names that are looked for tell a heading from other text.
+        # Without rows only known names distinguish a heading from other text.
         readings = [r for r in readings if all(_knows(name, is_known) for name in r)]
     if not readings:
         return None
@@ -108,7 +108,7 @@ def _headings_on(
 
 
 def _first_row(lines: Sequence, numeric: Sequence[bool], at: int) -> int | None:
-    """The first row of numbers below a line, where only a few lines are between them."""
+    """The first row of numbers below a line, if only a few lines are between them."""
     between = 0
     for below in range(at + 1, min(at + 1 + COMMENTS_BELOW, len(lines))):
         if numeric[below] and not lines[below].is_drawn:
@@ -131,14 +131,14 @@ def _may_be_names(cells: Sequence, is_known: IsKnown) -> bool:
         return False
     if 2 * len(written) < len(cells) or 2 * lettered < len(written) or "text" not in kinds:
         return False
-    # A line of units is not one of names, unless names that are looked for are spelt like units.
+    # A line of units is not a line of names, unless known names are spelled like units.
     return not _are_units(written) or _known_count(written, is_known) > 0
 
 
 def _with_line_above(
     lines: Sequence, at: int, separator: str, names: tuple[str, ...], is_known: IsKnown
 ) -> tuple[str, ...]:
-    """The names, with the words of the line above where both together are known: two-line names."""
+    """The names, joined with the line above if the joined names are known: two-line names."""
     if at == 0:
         return names
     best = names
@@ -174,10 +174,7 @@ def _scored(
         if lines[at].fits(headings.separator, count)
     )
     score = (rank, known, cells, -headings.first_row, headings.at, -preference)
-    return Headings(
-        headings.separator, headings.at, headings.first_row, headings.names, headings.units,
-        fits, score,
-    )  # fmt: skip
+    return replace(headings, score=score)
 
 
 def _knows(name: str, is_known: IsKnown) -> bool:
@@ -189,7 +186,7 @@ def _known_count(names: Iterable[str], is_known: IsKnown) -> int:
 
 
 def _trimmed(cells: Sequence) -> tuple:
-    """Cells without the empty ones at the end, which trailing separators make."""
+    """Cells without empty ones at the end, which come from trailing separators."""
     count = len(cells)
     while count and cell_kind(cells[count - 1]) == "blank":
         count -= 1
@@ -197,7 +194,7 @@ def _trimmed(cells: Sequence) -> tuple:
 
 
 def _unit_line(lines: Sequence, separator: str, count: int) -> tuple[str, ...] | None:
-    """The units of a line below the names that holds nothing else, one for each column."""
+    """The units on a line below the names with nothing else, one for each column."""
     best: tuple[str, ...] | None = None
     for line in lines:
         for reading in line.readings(separator):
@@ -221,7 +218,7 @@ def _are_units(cells: Sequence[str]) -> bool:
 def _may_be_units(cells: Sequence[str]) -> bool:
     """Whether cells are units: all in brackets, or most of them known.
 
-    Which of them is not known is for whoever reads that column to say.
+    An unknown unit is reported when its column is read.
     """
     if not cells:
         return False

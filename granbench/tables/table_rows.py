@@ -8,7 +8,7 @@ from granbench.tables.table_layout import Headings
 from granbench.tables.written_numbers import Cell, DecimalMarks, cell_kind, number_of
 
 MOST_CELLS = 5_000_000
-"""Rows times columns of a table that is read."""
+"""Largest number of rows times columns of a table."""
 
 SUMMARIES = [
     "average",
@@ -39,7 +39,7 @@ SUMMARIES = [
     "máx",
     "mín",
 ]
-"""Words with which a line below the table begins that sums it up."""
+"""First words of a summary line below the table."""
 
 Row = tuple[Cell, ...]
 
@@ -47,15 +47,16 @@ Row = tuple[Cell, ...]
 def table_rows(
     source: str, lines: Sequence, headings: Headings, error: type[GranbenchError]
 ) -> tuple[list[str], list[Row]]:
-    """The rows of the table and their places; all have as many cells as there are columns.
+    """The rows of the table and their places; every row has one cell for each column.
 
-    Comments, repeated headings and what stands below the last row are left out.
+    Comments, repeated headings and lines below the last row are left out.
 
     Raises
     ------
     GranbenchError
-        The given one, naming file and line: a row has another number of cells, text stands among
-        the rows, the rows begin anew below a repeated heading or a break, or there are too many.
+        The given one, naming file and line: a row has another number of cells, there is text
+        between the rows, a second test begins below a repeated heading or a break, or there are
+        too many rows.
     """
     count, separator = len(headings.names), headings.separator
     if count * (len(lines) - headings.first_row) > MOST_CELLS:
@@ -95,7 +96,7 @@ def table_rows(
 
 
 def _drop_footer(kept: list[tuple[object, Row]], count: int) -> None:
-    """Take away the lines below the last row: remarks, and averages that are marked as such."""
+    """Remove the lines below the last row: remarks, and marked averages."""
     while len(kept) > 1 and _is_footer(kept[-1][1], count, kept[0][1]):
         kept.pop()
 
@@ -147,7 +148,7 @@ def _check_row(
 
 
 def _refuse_split_thousands(place: str, cells: Row, error: type[GranbenchError]) -> None:
-    """Refuse ``1,058`` between commas, where it is two cells and an empty one hides that."""
+    """Refuse ``1,058`` between commas if it is two cells and an empty cell hides that."""
     for before, cell in pairwise(cells):
         if (
             isinstance(cell, str)
@@ -168,7 +169,7 @@ def _refuse_split_thousands(place: str, cells: Row, error: type[GranbenchError])
 def _refuse_filled_up_rows(
     source: str, places: Sequence[str], rows: Sequence[Row], error: type[GranbenchError]
 ) -> None:
-    """Refuse ``1,158`` between commas where it fills a row that is empty at its end in others."""
+    """Refuse ``1,158`` between commas if other rows have an empty last cell."""
     lengths = [max((at + 1 for at, cell in enumerate(row) if cell), default=0) for row in rows]
     shortest = min(lengths, default=0)
     for place, row, length in zip(places, rows, lengths, strict=True):
@@ -202,7 +203,7 @@ def _refuse_second_table(
     breaks: Sequence[int],
     error: type[GranbenchError],
 ) -> None:
-    """Refuse rows that begin anew after a break: they are those of another test."""
+    """Refuse rows that begin again after a break: they belong to another test."""
     nothing = DecimalMarks()
     for at in breaks:
         if not 1 < at < len(rows):
@@ -219,6 +220,6 @@ def _refuse_second_table(
         if moved and moved[0] in back and 2 * len(back) > len(moved):
             raise error(
                 f"{source}, {places[at]}: after a break the rows begin again at the numbers of "
-                f"{places[0]}; does a second test begin here? Give every test a file of its own, "
-                "or close the gap"
+                f"{places[0]}; does a second test begin here? Put every test into a file of its "
+                "own, or close the gap"
             )

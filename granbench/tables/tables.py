@@ -1,4 +1,4 @@
-"""Tables of a user's file: headers, units and cells, each with the place where it stands."""
+"""Tables from files of a user: headers, units and cells, with their places in the file."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,10 +26,10 @@ class Column:
 
     Parameters
     ----------
-    header : as it stands in the file
+    header : as in the file
     name : the header without its unit
-    unit : None where the file gives none
-    cells : one a row; text, numbers, or None where there is nothing
+    unit : None if the file gives none
+    cells : one per row; text, numbers, or None for an empty cell
     """
 
     header: str
@@ -50,9 +50,9 @@ class Table:
     Parameters
     ----------
     source : file, and the sheet or path in it, for error texts
-    places : where each row stands, such as `line 7`
+    places : of the rows, such as `line 7`
     columns : in the order of the file
-    preamble : lines above the first row that are no names of columns: number and text
+    preamble : lines above the first row other than the names of columns: number and text
     """
 
     source: str
@@ -64,7 +64,7 @@ class Table:
     def of_arrays(
         cls, source: str, arrays: dict[str, NDArray[np.float64]], units: dict[str, str]
     ) -> "Table":
-        """Table of equally long arrays (row,) by header, with the units that are known."""
+        """A table of equally long arrays (row,) by header, with their known units."""
         rows = len(next(iter(arrays.values())))
         columns = [
             Column(name, name, units.get(name), [float(value) for value in values])
@@ -80,7 +80,7 @@ class Table:
         return marks
 
     def values(self, column: Column) -> NDArray[np.float64]:
-        """The cells of a column as numbers, (row,), NaN where there is none; see `fault`."""
+        """The cells of a column as numbers, (row,), NaN for other cells; see `fault`."""
         own = DecimalMarks.of(column.cells)
         in_pascals = column.unit is not None and unit_factor(column.unit) == 1.0
         asked = points_may_group(
@@ -94,7 +94,7 @@ class Table:
         return np.where(np.isfinite(values), values, np.nan)
 
     def fault(self, column: Column) -> tuple[int, str] | None:
-        """The first row, from 0, whose cell is no finite number, and what is wrong with it."""
+        """The first row, from 0, whose cell is not a finite number, and what is wrong with it."""
         missing = np.isnan(self.values(column))
         if not missing.any():
             return None
@@ -107,8 +107,8 @@ class Table:
         Raises
         ------
         DatasetError
-            Naming file, row and column of the first cell that is no finite number, or may be
-            either of two.
+            Naming file, row and column of the first cell that is not a finite number, or is
+            ambiguous.
         """
         values = self.values(column)
         if np.isnan(values).any() and (fault := self.fault(column)):

@@ -12,26 +12,25 @@ from granbench.errors import GranbenchError
 from granbench.tables.written_numbers import cell_kind
 
 SEPARATORS = ("\t", ";", "|", ",", "blanks", "white space")
-"""What may stand between cells, in the order in which they are preferred. *White space* takes the
-no-break blank for a separator as well."""
+"""Separators of cells, in order of preference. *White space* includes the no-break blank."""
 
 MOST_COLUMNS = 10_000
-"""Separators that one line may hold."""
+"""Largest number of separators on a line."""
 
 LONGEST_QUOTE = 20
-"""Lines that one quoted cell may extend over."""
+"""Largest number of lines of one quoted cell."""
 
 _LINE_END = re.compile(r"\r*\n|\r")
 _COMMENT = re.compile(
     r"(?:#(?!N/A|NA\b|DIV/0|NUM|VALUE|REF|NAME|NULL|#*[\s,;]*$)|\*{1,2}(?!\*)|%|!|//)[#*%!/]*\s*"
 )
-"""Marks of comments. ``#N/A`` and ``****`` stand for a number that a program could not write."""
+"""Marks of comments. ``#N/A`` and ``****`` are numbers that a program could not write."""
 _BANNER = re.compile(r"[-=_+|*~#%!/:\s]*[-=_*~#]{3}[-=_+|*~#%!/:\s]*")
-"""A line that is drawn, such as ``-----+-----``."""
+"""A ruled line, such as ``-----+-----``."""
 _LAST_BRACKET = re.compile(r"[^\[\](){}]+[\[({][^\[\](){}]*[\])}]")
 _REMARK_MARKS = ("#", "!", "//")
 LONGEST_HEADING = 10_000
-"""Characters of a line that is searched for headings; a longer one is a row of numbers."""
+"""Largest number of characters of a heading; a longer line is a row of numbers."""
 
 _KINDS_BY_START = (
     (b"\x1f\x8b", "is compressed; unpack it first"),
@@ -63,22 +62,22 @@ class Line:
 
     @property
     def place(self) -> str:
-        """As an error names it."""
+        """The place, for errors."""
         return f"line {self.number}"
 
     @property
     def is_blank(self) -> bool:
-        """Whether nothing but separators stands on it."""
+        """Whether it holds only separators."""
         return not self.text.strip(' \t,;|"\N{NO-BREAK SPACE}')
 
     @property
     def is_drawn(self) -> bool:
-        """Whether it is drawn rather than written, as below a heading."""
+        """Whether it is a ruled line, as below a heading."""
         return len(self.text) < LONGEST_HEADING // 10 and bool(_BANNER.fullmatch(self.text))
 
     @property
     def comment(self) -> str | None:
-        """What stands behind a comment mark, or None where the line does not begin with one."""
+        """The text after a comment mark, or None if the line does not begin with one."""
         text = self.text.strip(" \t\"'")
         found = _COMMENT.match(text)
         return text[found.end() :].strip(" \t\"'") if found else None
@@ -88,7 +87,7 @@ class Line:
         return split_cells(self.text, separator)
 
     def row(self, separator: str, columns: int) -> tuple[str, ...]:
-        """The cells of a row of numbers, without the remark behind it, where it has one."""
+        """The cells of a row of numbers, without a remark at its end."""
         cells = self.cells(separator)
         bare = _without_remark(self.text)
         if bare == self.text:
@@ -100,12 +99,12 @@ class Line:
         return shorter if is_meant else cells
 
     def fits(self, separator: str, columns: int) -> bool:
-        """Whether it may be a row of so many columns: what is missing or too many is empty."""
+        """Whether it may be a row of so many columns; further cells must be empty."""
         cells = self.row(separator, columns)
         return len(cells) >= columns and not any(cell.strip() for cell in cells[columns:])
 
     def readings(self, separator: str) -> Iterator[tuple[str, ...]]:
-        """The line as names or units of columns, split in every way that headings are."""
+        """The line as names or units of columns, split in all ways in use."""
         texts = [self.text if self.comment is None else self.comment]
         first = self.cells(separator)[0] if self.comment is not None else ""
         if first == "%" or (first == "#" and separator not in ("blanks", "white space")):
@@ -128,14 +127,14 @@ class Line:
 
 
 def _without_remark(text: str) -> str:
-    """A row without what stands behind a comment mark that follows a blank."""
+    """A row without the text after a comment mark that follows a blank."""
     places = (text.find(mark) for mark in _REMARK_MARKS)
     starts = [at for at in places if at > 0 and text[at - 1] in " \t"]
     return text[: min(starts)].rstrip() if starts else text
 
 
 def split_cells(text: str, separator: str) -> tuple[str, ...]:
-    """The cells of a line; each without blanks around it."""
+    """The cells of a line, without blanks around them."""
     if separator == "white space":
         return tuple(text.split())
     if separator == "blanks":
@@ -167,13 +166,13 @@ def _quoted(text: str, separator: str) -> Sequence[str]:
 
 
 def read_lines(path: Path, error: type[GranbenchError], kinds: str) -> list[Line]:
-    """The lines of a text file that hold something.
+    """The lines of a text file that are not empty.
 
     Parameters
     ----------
     path : a regular file
-    error : what is raised
-    kinds : the kinds of file that may be given, for the error on one that is not text
+    error : type of the error
+    kinds : permitted kinds of file, for the error about a file that is not text
 
     Raises
     ------
@@ -194,7 +193,7 @@ def read_lines(path: Path, error: type[GranbenchError], kinds: str) -> list[Line
         raise error(f"{path}: is not a text file; give {kinds}")
     if _MARKUP.match(text):
         raise error(
-            f"{path}: is a web page or an XML file, whatever its name says; open it in a "
+            f"{path}: is a web page or an XML file; open it in a "
             "spreadsheet program and save the table as CSV"
         )
     lines = [line for line in _joined(_LINE_END.split(text)) if not line.is_blank]
@@ -204,13 +203,13 @@ def read_lines(path: Path, error: type[GranbenchError], kinds: str) -> list[Line
         ):
             raise error(
                 f"{path}, {line.place}: has more than {MOST_COLUMNS:,} cells; give a table with "
-                "one row a line"
+                "one row per line"
             )
     return lines
 
 
 def _decoded(content: bytes) -> str | None:
-    """The text of a file, or None where it is not text."""
+    """The text of a file, or None if it is not text."""
     for mark, name in (
         (codecs.BOM_UTF8, "utf-8-sig"),
         (codecs.BOM_UTF32_LE, "utf-32"),
@@ -244,7 +243,7 @@ def _plain_text(text: str) -> str | None:
 
 
 def _joined(texts: Sequence[str]) -> Iterator[Line]:
-    """Lines, of which those are one that a quoted cell with line breaks extends over."""
+    """Lines, joined where a quoted cell has line breaks."""
     at = 0
     while at < len(texts):
         end = _end_of_quotes(texts, at) if '"' in texts[at] else at
@@ -253,7 +252,7 @@ def _joined(texts: Sequence[str]) -> Iterator[Line]:
 
 
 def _end_of_quotes(texts: Sequence[str], at: int) -> int:
-    """The line on which the quotes that begin on a line are closed; that line if they are not."""
+    """The line with the closing quote of a cell that begins on a line, or that line itself."""
     if not _is_open(texts[at]):
         return at
     for end in range(at + 1, min(at + LONGEST_QUOTE, len(texts))):
@@ -263,7 +262,7 @@ def _end_of_quotes(texts: Sequence[str], at: int) -> int:
 
 
 def _is_open(text: str) -> bool:
-    """Whether a line ends within a quoted cell; a quote within a cell, as in 1.4", opens none."""
+    """Whether a line ends within a quoted cell; a quote inside a cell, as in 1.4", opens none."""
     is_open, at_start = False, True
     for character in text:
         if character == '"':

@@ -1,8 +1,9 @@
-"""The cells of .xlsx workbooks, as far as tables of numbers need them.
+"""Reading of the cells of .xlsx workbooks, as far as tables of numbers need them.
 
-A workbook is a ZIP archive of XML (ECMA-376 part 1, section 18). A file of some kilobytes may
-declare cells without end, so that they are counted while they are parsed, which is why no library
-for spreadsheets is used: none counts before it allocates.
+A workbook is a ZIP archive of XML (ECMA-376 part 1, section 18). A file of a few kilobytes may
+declare an endless number of cells, so they are counted while they are parsed. No spreadsheet
+library is used: openpyxl allocates cells before it can count them, and refuses workbooks without
+``[Content_Types].xml``, which are read here.
 """
 
 import posixpath
@@ -21,19 +22,19 @@ from granbench.tables.sheet_cells import Book, Rows, SheetCells
 from granbench.tables.written_numbers import Cell
 
 MOST_UNPACKED = 128_000_000
-"""Bytes of all parts of a workbook."""
+"""Largest size of all parts of a workbook, bytes."""
 MOST_SHEETS = 255
 MOST_TEXTS = 1_000_000
 
 _DATE_FORMATS = frozenset((*range(14, 23), *range(27, 37), 45, 46, 47, *range(50, 59)))
-"""Numbers of the formats of dates and times that every workbook has."""
+"""Numbers of the built-in formats of dates and times."""
 _LITERAL = re.compile(r'"[^"]*"|\\.|\[(?:[^\]hms]|[hms][^\]])[^\]]*\]|_.|General')
-"""What is written as it stands in a format's code, colours and conditions included."""
+"""Literal parts of the code of a format, including colours and conditions."""
 _PERCENT_FORMATS = frozenset((9, 10))
 
 
 class _DamagedError(Exception):
-    """A part of the archive is missing or is not what it should be."""
+    """A part of the archive is missing or damaged."""
 
 
 _DAMAGE = (zipfile.BadZipFile, zlib.error, expat.ExpatError, EOFError, _DamagedError)
@@ -41,7 +42,7 @@ _DAMAGE = (zipfile.BadZipFile, zlib.error, expat.ExpatError, EOFError, _DamagedE
 
 @dataclass(frozen=True)
 class SheetRow:
-    """A row of a sheet, with the face of `granbench.tables.text_rows.Line`."""
+    """A row of a sheet, with the interface of `granbench.tables.text_rows.Line`."""
 
     number: int
     values: tuple[Cell, ...]
@@ -51,7 +52,7 @@ class SheetRow:
 
     @property
     def place(self) -> str:
-        """As an error names it."""
+        """The place, for errors."""
         return f"row {self.number}"
 
     @property
@@ -60,13 +61,13 @@ class SheetRow:
         return " ".join(str(cell) for cell in self.values if cell is not None)
 
     def cells(self, separator: str) -> tuple[Cell, ...]:
-        """The cells; nothing separates them."""
+        """The cells, without separators."""
         return self.values
 
     def row(self, separator: str, columns: int) -> tuple[Cell, ...]:
-        """The cells below the headings, filled up: a sheet ends a row at its last cell.
+        """The cells below the headings, padded with empty ones: a row ends at its last cell.
 
-        Cells beyond them are notes beside the table.
+        Further cells are notes next to the table.
         """
         return (self.values + (None,) * (columns - len(self.values)))[:columns]
 
@@ -95,7 +96,7 @@ def read_sheets(
     Raises
     ------
     GranbenchError
-        The given one, if the file is no .xlsx workbook, is damaged, protected or too large, or
+        The given one, if the file is not a .xlsx workbook, is damaged, protected or too large, or
         breaks the bounds of `granbench.files.bounded_reading`.
     """
     return read_bounded(path, error, cells_of_sheets, str(path), error, prefix, hidden)
@@ -122,7 +123,7 @@ def read_only_sheet(path: Path, error: type[GranbenchError]) -> tuple[str, list[
         names = ", ".join(list(filled)[:8])
         raise error(
             f"{path}: has {len(filled) or 'no'} sheets with cells{f' ({names})' if names else ''}; "
-            "which one is meant? Save it alone, or export it as CSV"
+            "which one has the test? Save only that one, or export it as CSV"
         )
     return next(iter(filled.items()))
 
@@ -130,7 +131,7 @@ def read_only_sheet(path: Path, error: type[GranbenchError]) -> tuple[str, list[
 def cells_of_sheets(
     path: str, error: type[GranbenchError], prefix: str, hidden: bool
 ) -> dict[str, Rows]:
-    """What `read_sheets` gives, without bounds on memory and time."""
+    """Read sheets without bounds on memory and time, see `read_sheets`."""
     try:
         with zipfile.ZipFile(path) as archive:
             require_archive(archive, path, error, MOST_UNPACKED)
@@ -141,8 +142,8 @@ def cells_of_sheets(
         ) from problem
     except _DAMAGE as problem:
         raise error(
-            f"{path}: is no .xlsx workbook or is damaged ({problem}); save it again or export the "
-            "sheet as CSV"
+            f"{path}: is not a .xlsx workbook or is damaged ({problem}); save it again or "
+            "export the sheet as CSV"
         ) from problem
 
 
@@ -158,8 +159,8 @@ def _sheets(
         part = parts.get(_link(attributes), "")
         if part in chosen.values() or attributes.get("name", "") in chosen:
             raise error(
-                f"{source}: names one sheet several times; save the workbook again or export the "
-                "sheet as CSV"
+                f"{source}: has one sheet under several names; save the workbook again or "
+                "export the sheet as CSV"
             )
         chosen[attributes.get("name", "")] = part
         if len(chosen) > MOST_SHEETS:
@@ -200,7 +201,7 @@ def _parts_by_link(
 
 
 def _texts(archive: zipfile.ZipFile, source: str, error: type[GranbenchError]) -> list[str]:
-    """The texts that cells refer to by number."""
+    """The shared texts, to which cells refer by number."""
     if "xl/sharedStrings.xml" not in archive.namelist():
         return []
     texts: list[str] = []
@@ -208,7 +209,7 @@ def _texts(archive: zipfile.ZipFile, source: str, error: type[GranbenchError]) -
     for tag, _, text in _elements(archive, "xl/sharedStrings.xml", error, source):
         if tag == "t":
             pieces.append(text)
-        elif tag == "rPh":  # how a Japanese text is pronounced
+        elif tag == "rPh":  # the pronunciation of a Japanese text
             pieces.pop()
         elif tag == "si":
             texts.append("".join(pieces))
@@ -219,7 +220,7 @@ def _texts(archive: zipfile.ZipFile, source: str, error: type[GranbenchError]) -
 def _styles(
     archive: zipfile.ZipFile, source: str, error: type[GranbenchError]
 ) -> tuple[frozenset[int], frozenset[int]]:
-    """The numbers of the styles that show a number as a date, and as per cent."""
+    """The numbers of the styles for dates, and for per cent."""
     if "xl/styles.xml" not in archive.namelist():
         return frozenset(), frozenset()
     codes: dict[str, str] = {}
@@ -252,7 +253,7 @@ def _styles(
 def _elements(
     archive: zipfile.ZipFile, name: str, error: type[GranbenchError], source: str
 ) -> Iterator[tuple[str, Mapping[str, str], str]]:
-    """Elements of a part as they end: name, attributes and text."""
+    """Elements of a part in the order of their ends: name, attributes and text."""
     ended: list[tuple[str, Mapping[str, str], str]] = []
     opened: list[tuple[Mapping[str, str], list[str]]] = []
 
@@ -273,10 +274,10 @@ def _elements(
 
 
 def _parse(archive: zipfile.ZipFile, name: str, source: str, error, start, end, text) -> None:
-    """Parse a part; the handlers are given the names of elements without their namespace."""
+    """Parse a part; the handlers get the names of elements without their namespace."""
 
     def refuse_entities(*declaration: object) -> None:
-        # Entities multiply without end ("billion laughs"); no spreadsheet program writes one.
+        # Entities can multiply endlessly ("billion laughs"); no spreadsheet program writes one.
         raise error(
             f"{source}: its part {name!r} defines entities (DOCTYPE); save the file again or "
             "export the sheet as CSV"

@@ -1,8 +1,8 @@
-"""Numbers as people and programs write them: decimal commas, thousands separators, exponents.
+"""Numbers in their usual spellings: decimal commas, thousands separators, exponents.
 
-``1,058`` is one thousand and fifty-eight in one file and a little more than one in another. Such a
-cell is read where other cells of the column, or else of the table, show which mark is decimal; it
-is refused where they do not.
+``1,058`` is one thousand and fifty-eight in one file and slightly more than one in another. Such a
+cell is read if other cells of the column, or of the table, show which mark is decimal; otherwise it
+is refused.
 """
 
 import re
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 Cell = str | float | None
 
 LONGEST_NUMBER = 100
-"""Characters; a longer cell is not a number."""
+"""Largest number of characters of a number."""
 
 MISSING_WORDS = frozenset(
     [
@@ -52,7 +52,7 @@ MISSING_WORDS = frozenset(
         "error",
     ]
 )
-"""What programs write in place of a number that they do not have."""
+"""Words that programs write for a missing number."""
 
 _CHARACTERS = str.maketrans(
     {
@@ -66,12 +66,12 @@ _CHARACTERS = str.maketrans(
 )  # fmt: skip
 
 _EXPONENT = r"(?:[eEdDqQ][+-]?\d{1,4}|(?<=[\d.])[+-]\d{3})?"
-"""Fortran writes D+03 for double precision, and leaves the letter out of three-digit exponents."""
+"""Fortran writes D+03 for double precision, and omits the letter in three-digit exponents."""
 _INTEGER = re.compile(r"[+-]?\d+(?:[eEdDqQ][+-]?\d{1,4})?", re.ASCII)
 _POINT = re.compile(rf"[+-]?(?:\d+\.\d*|\.\d+){_EXPONENT}", re.ASCII)
 _COMMA = re.compile(rf"[+-]?(?:\d+,\d+|,\d+){_EXPONENT}", re.ASCII)
 _OPEN = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", re.ASCII)
-"""A number whose only mark may be a decimal one or one that separates thousands."""
+"""A number whose only mark may be decimal or may separate thousands."""
 _GROUPED = re.compile(
     r"(?P<sign>[+-]?)(?P<head>[1-9]\d{0,2}(?P<mark>[ .,'])\d{3}(?:(?P=mark)\d{3})*)"
     r"(?:(?P<decimal>[.,])(?P<tail>\d*))?",
@@ -86,14 +86,14 @@ _WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*\s*(?:%|‰|[A-Za-zµμ°][\w/^²³.%]{0
 
 
 def cleaned(text: str) -> str:
-    """A text without blanks around it, with the plain characters for minus, blank, apostrophe."""
+    """A text without blanks around it, with plain minus signs, blanks and apostrophes."""
     return text.translate(_CHARACTERS).strip()
 
 
 def cell_kind(cell: Cell) -> str:
     """What a cell is: ``number``, ``blank``, ``missing``, ``date``, ``with unit`` or ``text``.
 
-    A number may yet be one that is read in two ways.
+    A number may still be ambiguous.
     """
     if not isinstance(cell, str):
         return "blank" if cell is None else "number"
@@ -114,9 +114,9 @@ def cell_kind(cell: Cell) -> str:
 
 
 def _marks(text: str) -> str | None:
-    """The decimal mark that a number shows: ``.``, ``,``, none (empty), or ``?`` where it may be.
+    """The decimal mark of a number: ``.``, ``,``, none (empty), or ``?`` if it is ambiguous.
 
-    None where the text is not a number.
+    None if the text is not a number.
     """
     if _INTEGER.fullmatch(text):
         return ""
@@ -136,13 +136,13 @@ def _marks(text: str) -> str | None:
 
 @dataclass
 class DecimalMarks:
-    """The decimal marks that the cells of a column or a table show.
+    """The decimal marks in the cells of a column or a table.
 
     Parameters
     ----------
-    shown : ``.`` and ``,`` with the first row that shows it
-    grouped : marks that are shown to separate thousands, by a cell that has them in both roles or
-        more than once
+    shown : ``.`` and ``,`` with the first row in which it is decimal
+    grouped : marks that separate thousands, as shown by a cell with both marks or with one several
+        times
     """
 
     shown: dict[str, int] = field(default_factory=dict)
@@ -150,7 +150,7 @@ class DecimalMarks:
 
     @classmethod
     def of(cls, cells: Iterable[Cell]) -> "DecimalMarks":
-        """What the cells show, counted by their rows."""
+        """The marks in cells, with their rows."""
         marks = cls()
         for row, cell in enumerate(cells):
             if not isinstance(cell, str) or not ("." in cell or "," in cell):
@@ -170,12 +170,12 @@ class DecimalMarks:
 
 
 def number_of(cell: Cell, column: DecimalMarks, table: DecimalMarks) -> float | None:
-    """The number that a cell holds, or None where it holds none or one that is read in two ways.
+    """The number in a cell, or None if there is none or it is ambiguous.
 
     Parameters
     ----------
-    cell : as it stands in the file
-    column, table : the decimal marks that the column's cells, and those of all columns, show
+    cell : as in the file
+    column, table : the decimal marks in the cells of the column, and of all columns
     """
     if not isinstance(cell, str):
         return cell
@@ -197,8 +197,7 @@ def number_of(cell: Cell, column: DecimalMarks, table: DecimalMarks) -> float | 
 
 
 FALL = 20.0
-"""Factor by which numbers with a point are smaller than integers beside them only if that point
-separates thousands."""
+"""Ratio of integers to numbers with a point, above which that point separates thousands."""
 HUNDRED = 100.0
 THOUSAND = 1000.0
 
@@ -212,12 +211,12 @@ def is_open_point(cell: Cell) -> bool:
 
 
 def points_may_group(cells: Sequence[Cell], *, in_pascals: bool) -> bool:
-    """Whether the points of a column may separate thousands, by what stands beside them.
+    """Whether the points of a column may separate thousands, judged by its other numbers.
 
     Parameters
     ----------
     cells : of the column
-    in_pascals : whether it is a stress in Pa, of which less than 1000 is next to nothing
+    in_pascals : whether it is a stress in Pa, of which less than 1000 is negligible
     """
     points = [cleaned(str(cell)) for cell in cells if is_open_point(cell)]
     if not points or "." in DecimalMarks.of(cells).shown:
@@ -227,12 +226,12 @@ def points_may_group(cells: Sequence[Cell], *, in_pascals: bool) -> bool:
     whole = max((size for size in others if size is not None), default=0.0)
     if in_pascals and max(whole, largest) < THOUSAND:
         return True
-    # Where thousands are grouped, no integer beside them has four digits.
+    # If thousands are grouped, no integer in the column has four digits.
     return HUNDRED <= whole < THOUSAND or whole > FALL * largest
 
 
 def _plain_size(cell: Cell) -> float | None:
-    """Size of a number that has no mark: an integer, or a number of a workbook."""
+    """Magnitude of a number without a mark: an integer, or a number of a workbook."""
     if isinstance(cell, str):
         text = cleaned(cell)
         return abs(_as_float(text)) if _INTEGER.fullmatch(text) else None
@@ -240,13 +239,13 @@ def _plain_size(cell: Cell) -> float | None:
 
 
 def _decimal_mark(mark: str, column: DecimalMarks, table: DecimalMarks) -> str | None:
-    """Which mark is decimal where a number with `mark` alone can be read in two ways."""
+    """The decimal mark of an ambiguous number that has only `mark`; None if it is unknown."""
     marks = column if column.shown or column.grouped else table
     if len(marks.shown) > 1:
         return None
     (decimal,) = marks.shown or ("",)
     if mark == ".":
-        # A point is decimal unless the file has decimal commas, and then it may be either.
+        # A point is decimal unless the file has decimal commas; then it is ambiguous.
         if decimal != ",":
             return "."
         return "," if "." in marks.grouped or "." in table.grouped else None
@@ -261,7 +260,7 @@ def _as_float(text: str) -> float:
 
 
 def why_no_number(cell: Cell, column: Sequence[Cell]) -> str:
-    """What is wrong with a cell that `number_of` gives no number for, and what to do.
+    """What is wrong with a cell for which `number_of` returns None, and the remedy.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Units of stress and strain, numbers written with units, and the range of plausible values."""
+"""Units of stress and strain, numbers with units, and the range of plausible values."""

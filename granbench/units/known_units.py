@@ -1,12 +1,12 @@
-"""Units that people write beside numbers: of stress and strain, and those of neither."""
+"""Units of stress, strain and other quantities, in their usual spellings."""
 
 import re
 from collections.abc import Mapping
 
 LONGEST_UNIT, LONGEST_HEADER = 40, 400
-"""Characters; longer texts are neither."""
+"""Largest number of characters of a unit and of a header."""
 GRAVITY = 9.80665
-"""m/s2: turns a mass, as in kg/cm2, into the force that is meant."""
+"""m/s2: converts a mass, as in kg/cm2, to the weight that is meant."""
 POUND = 4.4482216152605
 """N: one pound-force."""
 INCH = 0.0254
@@ -31,7 +31,7 @@ PASCALS: Mapping[str, float] = {
     "torr": 101325.0 / 760.0, "mmhg": 133.322387415, "mh2o": 1e3 * GRAVITY,
     "cmh2o": 10.0 * GRAVITY, "mmh2o": GRAVITY,
 }  # fmt: skip
-"""Pa in one of each unit of stress; tsf and ton/ft2 are American short tons, t/m2 tonnes."""
+"""Pascals per unit of stress; tsf and ton/ft2 are US short tons, t/m2 tonnes."""
 
 RATIOS: Mapping[str, float] = {
     "-": 1.0, "1": 1.0, "–": 1.0, "—": 1.0, "−": 1.0, "dimensionless": 1.0, "unitless": 1.0,
@@ -105,7 +105,7 @@ OTHERS = frozenset(
         "mm/dd/yyyy",
     ]
 )
-"""Units of other quantities, by which a line of units is recognised."""
+"""Units of other quantities, for the recognition of a line of units."""
 
 STRESS_UNITS = (
     "Pa, kPa, MPa, GPa, bar, mbar, atm, N/m2, kN/m2, MN/m2, N/mm2, kg/cm2, t/m2, psi, ksi, psf, "
@@ -127,15 +127,15 @@ _TRAILING = re.compile(
     r"(?P<unit>[kKMG]?[pP]a\.?|psi|psf|ksf|ksi|tsf|%|‰|percent|pct|[MmkK]?N/m{1,2}[2²]"
     r"|kgf?/cm[2²]|με|µε|microstrain)"
 )
-"""A unit without brackets at the end of a name, as in ``q kPa`` or ``q_kPa``; those of one or two
-letters, and ``bar``, which may mean an average, are left to the name."""
+"""A unit without brackets at the end of a name, as in ``q kPa`` or ``q_kPa``; units of one or two
+letters, and ``bar``, which may mean an average, belong to the name."""
 
 
 def split_header(header: str) -> tuple[str, str | None]:
     """Name and unit of a column header, such as ``eps1 [%]``, ``q (kPa)``, ``q/kPa`` or ``q, kPa``.
 
-    The unit is None where the header has none. Brackets that do not hold a known unit belong to
-    the name; see `split_strange_unit` for what may still be meant as one.
+    The unit is None if the header has none. Brackets without a known unit belong to the name; see
+    `split_unknown_unit` for brackets that may hold another unit.
     """
     header = " ".join(header.split())
     if len(header) > LONGEST_HEADER:
@@ -152,7 +152,7 @@ def split_header(header: str) -> tuple[str, str | None]:
 
 
 def text_behind_unit(header: str) -> str:
-    """What stands behind the unit in brackets that `split_header` finds, such as ``x10``."""
+    """The text after the unit in brackets that `split_header` finds, such as ``x10``."""
     header = " ".join(header.split())
     _, unit = split_header(header)
     for found in _BRACKETED.finditer(header):
@@ -161,8 +161,8 @@ def text_behind_unit(header: str) -> str:
     return ""
 
 
-def split_strange_unit(header: str) -> tuple[str, str] | None:
-    """Name and unit of a header that ends in brackets, whatever is between them."""
+def split_unknown_unit(header: str) -> tuple[str, str] | None:
+    """Name and unit of a header that ends in brackets, with any text between them."""
     found = re.fullmatch(
         r"(?P<name>.*?)\s*[\[(]\s*(?P<unit>[^\[\]()]*?[^\[\]()\s])\s*[\])]", header.strip()
     )
@@ -170,26 +170,26 @@ def split_strange_unit(header: str) -> tuple[str, str] | None:
 
 
 def known_units(is_stress: bool) -> str:
-    """The units of a stress, or of a ratio such as a strain, as a list for an error text."""
+    """The known units of a stress, or of a ratio such as a strain, for an error text."""
     return STRESS_UNITS if is_stress else RATIO_UNITS
 
 
 def unit_factor(unit: str) -> float | None:
-    """What a number in a unit of stress or of a ratio is multiplied by to be SI.
+    """Factor from a unit of stress or of a ratio to SI.
 
-    None where the unit is unknown or is one of another quantity, such as a length.
+    None if the unit is unknown or belongs to another quantity, such as a length.
     """
     plain = _plain(unit)
     return PASCALS.get(plain, RATIOS.get(plain))
 
 
 def length_factor(unit: str) -> float | None:
-    """Metres in one of a unit of length, None where it is no known one."""
+    """Metres per unit of length; None if the unit is not a known length."""
     return METRES.get(_plain(unit))
 
 
 def time_factor(unit: str) -> float | None:
-    """Seconds in one of a unit of time, None where it is no known one."""
+    """Seconds per unit of time; None if the unit is not a known time."""
     return SECONDS.get(_plain(unit))
 
 

@@ -1,22 +1,22 @@
-"""Sizes beyond which a number that a user gives is explained by a wrong unit alone."""
+"""Limits beyond which a number from a user must be in a wrong unit."""
 
 LARGEST_STRESS = 1e9
-"""Pa; 1 GPa is beyond what soil laboratories reach, and crushes any grain."""
+"""Pa; 1 GPa is beyond the reach of soil laboratories, and crushes all grains."""
 
 SMALLEST_STRESS = 1e3
-"""Pa; a test whose stresses all lie below 1 kPa is read in the wrong unit."""
+"""Pa; a test with all stresses below 1 kPa has been read in the wrong unit."""
 
 SMALLEST_BARE_PRESSURE = 1e4
-"""Pa; a smaller number that is given without a unit may well be one of kPa."""
+"""Pa; a smaller number without a unit may be in kPa."""
 
 LARGEST_STRAIN = 1.0
-"""A strain beyond it, in either sense, is a number of per cent."""
+"""A strain of larger magnitude must be in per cent."""
 
 VOID_RATIOS = (0.05, 10.0)
-"""Least and greatest: below is rock, above a slurry, or a number of per cent."""
+"""Smallest and largest void ratio: below is rock, above a slurry, or a number in per cent."""
 
 LARGEST_OVERCONSOLIDATION = 1e4
-"""100 kPa under a soil that was under 1 GPa."""
+"""A soil at 100 kPa that was once under 1 GPa."""
 
 LARGEST_SEED = 2**63 - 1
-"""What files can hold, and every random generator takes."""
+"""Largest seed that files and random generators accept."""

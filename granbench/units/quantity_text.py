@@ -1,7 +1,7 @@
 """Pressures and strains as a user writes them: ``1e5``, ``100kPa``, ``14.5 psi``, ``0.2``, ``20%``.
 
-A number without a unit is SI. Where only a wrong unit explains it, it is refused with the question
-that settles it: a number with its unit is taken as it is written.
+A number without a unit is SI. A number that is only plausible in another unit is refused with a
+question; a number with its unit is taken as written.
 """
 
 import math
@@ -23,14 +23,13 @@ def pressure_from_text(name: str, text: str) -> float:
 
     Parameters
     ----------
-    name : of the option or choice, with what separates it from its value: ``--p0 `` or
-        ``confinement=``
+    name : of the quantity, with the separator before its value, such as ``confinement=``
     text : a number of Pa, or a number with a unit
 
     Raises
     ------
     ConfigurationError
-        If it is no pressure, or a number without a unit that is hardly meant in Pa.
+        If it is not a pressure, or a number without a unit that is probably not in Pa.
     """
     number, unit = _parts(name, text, is_stress=True)
     if unit is None and 0.0 < abs(number) < SMALLEST_BARE_PRESSURE:
@@ -40,7 +39,7 @@ def pressure_from_text(name: str, text: str) -> float:
         )
     if abs(number) > LARGEST_STRESS:
         raise ConfigurationError(
-            f"{name}{number:g} is beyond {LARGEST_STRESS / 1e9:g} GPa, which no soil is under; "
+            f"{name}{number:g} is beyond {LARGEST_STRESS / 1e9:g} GPa, more than any soil carries; "
             "give it in Pa (1e5 is 100 kPa), or with its unit, as 100kPa"
         )
     return number
@@ -51,13 +50,13 @@ def strain_from_text(name: str, text: str) -> float:
 
     Parameters
     ----------
-    name : of the option or choice, with what separates it from its value
+    name : of the quantity, with the separator before its value
     text : a ratio, or a number with a unit such as %
 
     Raises
     ------
     ConfigurationError
-        If it is no strain, or only a number of per cent explains it.
+        If it is not a strain, or must be in per cent.
     """
     number, _ = _parts(name, text, is_stress=False)
     if abs(number) >= LARGEST_STRAIN:
@@ -69,7 +68,7 @@ def strain_from_text(name: str, text: str) -> float:
 
 
 def _parts(name: str, text: str, *, is_stress: bool) -> tuple[float, str | None]:
-    """The number in SI, and the unit that was written, if any."""
+    """The number in SI, and the unit, if there is one."""
     if _NOT_FINITE.fullmatch(text):
         raise ConfigurationError(f"{name}{text.strip()} is not a finite number; give one")
     written = _WRITTEN.fullmatch(text)
@@ -82,7 +81,8 @@ def _parts(name: str, text: str, *, is_stress: bool) -> tuple[float, str | None]
         found = unit_factor(unit)
         if found is None or is_stress_unit(unit) != is_stress:
             raise ConfigurationError(
-                f"{name}{text.strip()}: {unit!r} is no unit of it; use {known_units(is_stress)}"
+                f"{name}{text.strip()}: {unit!r} is not a unit of "
+                f"{'stress' if is_stress else 'strain'}; use {known_units(is_stress)}"
             )
         factor = found
     number = float(written["number"]) * factor

@@ -9,9 +9,10 @@ import torch
 import xarray as xr
 from plane_records import plane_records
 
-from granbench.baselines.gru import BASELINE, GruBaseline, GruCell, GruConfiguration, GruNetwork
+from granbench.baselines.gru import BASELINE, GruConfiguration, GruNetwork
 from granbench.baselines.training import Recipe
 from granbench.baselines.training.history import read_history
+from granbench.baselines.whole_paths import PathCell
 from granbench.benchmark.axes.along_paths.free_run import rollout
 from granbench.benchmark.axes.physics.tangent import in_double_precision
 from granbench.cells.baseline import TrainingRequest
@@ -35,7 +36,7 @@ def test_parameter_count_is_that_of_the_thesis() -> None:
     first = 3 * (30 * 3 + 30 * 30 + 2 * 30)
     second = 3 * (30 * 30 + 30 * 30 + 2 * 30)
     network = GruNetwork(GruConfiguration())
-    assert GruCell(network, "gru").parameters_count() == first + second + 3 * 30 + 3 == 8823
+    assert PathCell(network, "gru").parameters_count() == first + second + 3 * 30 + 3 == 8823
 
 
 def test_stepping_the_cell_agrees_with_the_fused_network(j2: xr.Dataset) -> None:
@@ -44,13 +45,13 @@ def test_stepping_the_cell_agrees_with_the_fused_network(j2: xr.Dataset) -> None
     increments, _ = next(BASELINE.source(network, j2, torch.device("cpu")).batches(paths, 1000))
     with torch.no_grad():
         fused = network(increments) * network.stress_scale + network.stress_mean
-    stepped = rollout(GruCell(network, "gru"), j2)["stress"][:, 1:].float()
+    stepped = rollout(PathCell(network, "gru"), j2)["stress"][:, 1:].float()
     # float32: forty recurrent steps lose about one digit of its seven.
     assert (stepped - fused).abs().amax((0, 1)).lt(1e-5 * network.stress_scale).all()
 
 
 def test_the_stress_is_read_from_the_hidden_state_alone(j2: xr.Dataset) -> None:
-    cell = GruCell(network_for(j2), "gru")
+    cell = PathCell(network_for(j2), "gru")
     history = history_of(j2, cell.dtype)
     other = replace(history, stress=history.stress + 1e5)
     hidden = cell.layout["hidden"]
@@ -66,7 +67,7 @@ def test_a_gru_works_in_the_components_of_its_records(records: xr.Dataset, tmp_p
 
 def test_in_double_precision_all_of_the_cell_is(j2: xr.Dataset) -> None:
     """Else rounding of single precision is all that differences of steps show."""
-    cell = GruCell(network_for(j2), "gru")
+    cell = PathCell(network_for(j2), "gru")
     state = cell.condition(history_of(j2, cell.dtype))
     increment = torch.full((len(state), 3), 1e-4)
     double = in_double_precision(cell, increment, state)
@@ -88,7 +89,7 @@ def test_read_as_change_the_stress_moves_with_its_start(j2: xr.Dataset) -> None:
     torch.testing.assert_close(*targets, rtol=0.0, atol=1e-6)
     network = BASELINE.seeded_network(configuration, seed=0)
     BASELINE.scale(network, few)
-    cell = GruCell(network, "gru")
+    cell = PathCell(network, "gru")
     strain = history_of(few).strain
     answers = [cell.rollout(strain, conditions_of(records)).stress for records in (few, moved)]
     shift = (answers[1] - answers[0]).double()
@@ -100,7 +101,7 @@ def test_a_gru_learns_a_few_paths(j2: xr.Dataset, tmp_path: Path) -> None:
     recipe = Recipe(
         batch_size=2, learning_rate=2e-2, schedule="one-cycle", largest_gradient=1.0, epochs=150
     )
-    baseline = GruBaseline("gru", "overfitting", {"tiny": (GruConfiguration(), recipe)})
+    baseline = replace(BASELINE, settings={"tiny": (GruConfiguration(), recipe)})
     losses = read_history(baseline.train(TrainingRequest(few, tmp_path)))
     assert losses[-1].training_loss < 1e-2 * losses[0].training_loss
 
@@ -121,9 +122,9 @@ def test_the_trained_cell_has_the_validation_loss_of_its_best_epoch(
 @pytest.mark.parametrize(
     ("wrong", "named"),
     [
-        ({"order": "polar"}, "polar"),
+        ({"order": "polar"}, "order"),
         ({"hidden": 0}, "hidden"),
-        ({"output": "increment"}, "increment"),
+        ({"output": "increment"}, "output"),
         ({"depth": 2}, "depth"),
     ],
 )

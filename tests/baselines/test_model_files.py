@@ -78,7 +78,7 @@ def test_one_flipped_bit_is_noticed(model: Path, records: xr.Dataset) -> None:
     content = bytearray((model / WEIGHTS_FILE).read_bytes())
     content[-3] ^= 1
     (model / WEIGHTS_FILE).write_bytes(content)
-    with pytest.raises(ModelError, match="not those that"):
+    with pytest.raises(ModelError, match=r"model\.safetensors.*SHA-256"):
         find_cells(str(model), records)
 
 
@@ -91,13 +91,13 @@ def test_damaged_description_is_refused(model: Path, records: xr.Dataset, text: 
 
 def test_weights_of_another_architecture_are_refused(model: Path, records: xr.Dataset) -> None:
     edit(model, configuration=ARCHITECTURE.as_dict() | {"hidden": 51})
-    with pytest.raises(ModelError, match="does not fit the architecture"):
+    with pytest.raises(ModelError, match=r"model\.safetensors"):
         find_cells(str(model), records)
 
 
 def test_unknown_setting_is_refused(model: Path, records: xr.Dataset) -> None:
     edit(model, configuration={"initial_layer": True, "import": "os"})
-    with pytest.raises(ModelError, match="unknown setting 'import'"):
+    with pytest.raises(ModelError, match="import"):
         find_cells(str(model), records)
 
 
@@ -114,9 +114,9 @@ def test_model_of_another_baseline_is_refused(model: Path, records: xr.Dataset) 
 
 
 def test_folder_without_a_model_is_refused(tmp_path: Path, records: xr.Dataset) -> None:
-    with pytest.raises(ModelError, match=r"holds no model\.json"):
+    with pytest.raises(ModelError, match=r"model\.json"):
         find_cells(str(tmp_path), records)
-    with pytest.raises(ModelError, match="holds no trained model"):
+    with pytest.raises(ModelError, match=r"model\.json"):
         BASELINE.load(tmp_path, records)
 
 

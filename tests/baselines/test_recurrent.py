@@ -159,8 +159,8 @@ def test_missing_condition_is_named(records: xr.Dataset, missing: str) -> None:
     [
         ({"initial_layer": True, "hidden": 0}, "hidden"),
         ({"initial_layer": True, "hidden": "fifty"}, "hidden"),
-        ({"initial_layer": True, "output": "rate"}, "rate"),
-        ({"initial_layer": False, "output": "change"}, "initial layer"),
+        ({"initial_layer": True, "output": "rate"}, "output"),
+        ({"initial_layer": False, "output": "change"}, "initial_layer"),
         ({"initial_layer": True, "restart_every": 0}, "restart_every"),
         ({"initial_layer": True, "depth": 2}, "depth"),
         ({"hidden": 50}, "initial_layer"),

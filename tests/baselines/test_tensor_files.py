@@ -52,7 +52,7 @@ DAMAGED: dict[str, object] = {
 
 @pytest.mark.parametrize("case", DAMAGED)
 def test_damaged_header_is_one_sentence(case: str, tmp_path: Path) -> None:
-    with pytest.raises(ModelError, match=r"^\S*a\.safetensors.*copy the file anew$") as caught:
+    with pytest.raises(ModelError, match=r"^\S*a\.safetensors.*copy the file again$") as caught:
         read_tensors(with_header(tmp_path / "a.safetensors", DAMAGED[case]))
     assert "\n" not in str(caught.value)
 

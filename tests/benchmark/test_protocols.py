@@ -139,13 +139,13 @@ def test_the_two_ways_of_breaking_down_are_scored_alike(records, scored):
 
 
 def test_a_single_step_that_breaks_down_stands_alone(scored):
-    class Timid(Persistence):
+    class Limited(Persistence):
         def step(self, dstrain, state):
             if (state[:, 0] > 2e6).any():
                 raise ZeroDivisionError
             return super().step(dstrain, state)
 
-    stress = single_step(Timid(), scored)["stress"].numpy()
+    stress = single_step(Limited(), scored)["stress"].numpy()
     too_high = scored["stress"].values[..., 0] > 2e6
     lost = np.isnan(stress[:, 1:, 0])
     # Conditioning runs the cell along the record, so a failing state also ends what follows.

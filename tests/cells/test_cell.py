@@ -1,4 +1,4 @@
-"""Laws of the material cell: everything is derived from `step`, once and consistently."""
+"""Laws of the material cell: everything is derived from `step`."""
 
 import inspect
 

@@ -1,4 +1,4 @@
-"""Differences in place of a dear tangent: the same answers, nearly the same tangent, one call."""
+"""Differences in place of an expensive tangent: the same stresses, nearly the same tangent."""
 
 import pytest
 import torch
@@ -26,7 +26,7 @@ def loaded(cell, order="principal"):
 
 
 class Counting(CSUH):
-    """Counts what it is asked."""
+    """Counts its steps."""
 
     steps = 0
 
@@ -42,7 +42,7 @@ def test_closed_forms_and_networks_keep_their_own_tangent():
 
 
 @pytest.mark.parametrize("order", ["principal", "full"])
-def test_answers_are_those_of_the_cell_but_for_rounding(order):
+def test_stresses_are_those_of_the_cell_but_for_rounding(order):
     """A larger batch may be rounded differently in its last bits."""
     cell = CSUH(order=order)
     dstrain, state = loaded(cell)
@@ -73,7 +73,7 @@ def test_the_tangent_of_elasticity_is_exact():
     torch.testing.assert_close(tangent, stiffness, rtol=0.0, atol=1e-5 * BULK)
 
 
-def test_a_step_and_its_tangent_ask_the_cell_once():
+def test_a_step_and_its_tangent_call_the_cell_once():
     counting = Counting(order="principal")
     dstrain, state = loaded(CSUH(order="principal"))
     cell = DifferenceTangent(counting)

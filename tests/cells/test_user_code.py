@@ -1,4 +1,4 @@
-"""What user code can do wrong on its way to a cell: one sentence with the line of its own file."""
+"""What user code can do wrong when it makes a cell: one sentence with the line of its own file."""
 
 import subprocess
 import sys
@@ -116,7 +116,7 @@ def test_a_module_that_is_not_there(model: str, remedy: str, written, records: x
 
 
 def test_new_weights_follow_from_the_seed(written, records: xr.Dataset) -> None:
-    """A factory that heeds no seed makes the same weights again for the same seed."""
+    """A factory that takes no seed makes the same weights again for the same seed."""
     body = "def cell():\n    return ModuleCell(torch.nn.Bilinear(3, 3, 3), name='new')"
     model = written(HEAD + body)
     state = torch.get_rng_state()

@@ -16,7 +16,7 @@ MINE = json.dumps(
     {"model": "j2", "parameters": {"bulk_modulus": 2e6, "shear_modulus": 1e6, "yield_stress": 5e4}}
 )
 MODEL = """
-from driven_cells import Timid, elastic, learnt
+from driven_cells import Limited, elastic, learnt
 
 def hooke():
     return elastic("full")
@@ -24,8 +24,8 @@ def hooke():
 def learnt_cell():
     return learnt()
 
-def timid():
-    cell = Timid(largest_strain=0.05)
+def limited():
+    cell = Limited(largest_strain=0.05)
     cell.pressure_dependent = True
     return cell
 """
@@ -264,13 +264,13 @@ def test_what_a_user_can_get_wrong_is_said_in_one_sentence(drive, tmp_path):
         (("j2", *test, "--start", "grading_index"), ["NAME=VALUE"]),
         (("j2", *test, "--start", "grading_index=fine"), ["--start grading_index 'fine'"]),
         (("my_cells:hooke", "--path", "principal.csv"), ["principal.csv", "eps_xx,eps_yy,eps_zz"]),
-        (("my_cells:timid", *test, "--p0", "0"), ["--p0 0"]),
+        (("my_cells:limited", *test, "--p0", "0"), ["--p0 0"]),
         (("j2", *test, "--plot", "a.bmp"), ["a.bmp"]),
         (("j2", *test, "--plot", "/proc/a.png"), ["--plot /proc/a.png", "choose a folder"]),
         (("j2", *test, "--out", "/proc/a.csv"), ["--out /proc/a.csv", "choose a folder"]),
         (("j2", *test, "--out", "path.csv/a.csv"), ["--out path.csv/a.csv", "cannot be written"]),
         (("absent.json", *test), ["no parameter file absent.json"]),
-        (("j2", *test, "--tolerance", "0"), ["tolerance of 0", "1e-4"]),
+        (("j2", *test, "--tolerance", "0"), ["tolerance=0", "1e-4"]),
         (("csx", *test, "--set", "mine"), ["unknown model 'csx'"]),
     ]
     for words, parts in cases:
@@ -282,10 +282,10 @@ def test_what_a_user_can_get_wrong_is_said_in_one_sentence(drive, tmp_path):
 
 def test_a_step_that_the_model_cannot_follow_is_named_and_nothing_is_written(drive, tmp_path):
     (tmp_path / "jump.csv").write_text("eps_11,eps_22,eps_33\n0.01,0,0\n\n0.2,0,0.01\n0.21,0,0\n")
-    refused(drive("my_cells:timid", "--path", "jump.csv", "--out", "out.csv"),
-            "jump.csv: row 2 (line 4): timid cannot follow", "eps_11 changes by 0.19",
+    refused(drive("my_cells:limited", "--path", "jump.csv", "--out", "out.csv"),
+            "jump.csv: row 2 (line 4): limited cannot follow", "eps_11 changes by 0.19",
             "gives no stress")  # fmt: skip
-    refused(drive("my_cells:timid", "--control", "triaxial-drained", "--steps", "10", "--out",
+    refused(drive("my_cells:limited", "--control", "triaxial-drained", "--steps", "10", "--out",
                   "out.csv"), "triaxial-drained, step 3 of 10, driving strain 0.06")  # fmt: skip
     assert not (tmp_path / "out.csv").exists()
 
@@ -293,7 +293,7 @@ def test_a_step_that_the_model_cannot_follow_is_named_and_nothing_is_written(dri
 def test_tension_is_refused_where_the_model_has_none(drive, tmp_path):
     (tmp_path / "tension.csv").write_text("eps_11,sig_22,sig_33\n0,1e5,1e5\n0.01,5e4,-2e3\n")
     words = ("--path", "tension.csv", "--out", "out.csv")
-    refused(drive("my_cells:timid", *words), "tension.csv: row 2 (line 3), column sig_33",
+    refused(drive("my_cells:limited", *words), "tension.csv: row 2 (line 3), column sig_33",
             "-2000 Pa", "under compression")  # fmt: skip
     # A metal has no objection.
     assert drive("j2", "--path", "tension.csv", "--out", "out.csv")[0] == 0

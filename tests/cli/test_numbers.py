@@ -7,9 +7,9 @@ import pytest
 from granbench.cells.work_budget import WorkExceeded, spend, work_budget
 from granbench.cli import main
 from granbench.cli.options import core_count
-from granbench.element_test.driving import Course, drive
+from granbench.element_test.driving import WorkLimitError, drive
+from granbench.element_test.prescribed_path import PrescribedPath
 from granbench.element_test.start import Start
-from granbench.errors import ConfigurationError
 from granbench.models import MODELS
 from granbench.paths.standard_tests import find_test, strain_history
 
@@ -96,10 +96,10 @@ def test_a_run_that_needs_too_many_substeps_ends_with_its_step(model: str) -> No
     cell = MODELS[model](order="principal")
     programme = find_test("triaxial-drained").programme(1e5, 0.2)
     history = strain_history([0.2], 20)
-    course = Course.of_test("triaxial-drained", programme, history, "principal")
+    course = PrescribedPath.of_test("triaxial-drained", programme, history, "principal")
     state = Start(1e5, {"initial_void_ratio": 0.8}).state(cell)
-    with pytest.raises(ConfigurationError, match=r"step \d+ of 20.*substeps.*higher pressure"):
-        drive(cell, course, state, configuration={}, patience=1e-3)
+    with pytest.raises(WorkLimitError, match=r"step \d+ of 20"):
+        drive(cell, course, state, configuration={}, work_factor=1e-3)
     assert drive(cell, course, state, configuration={}).records.sizes["step"] == 21
 
 

@@ -119,4 +119,4 @@ def test_folder_of_another_run_is_refused(
     words = ("--task", records_file, "--out", tmp_path / "model", "--epochs", 1, "--quiet")
     assert run("train", "lstm", *words) == 0
     assert run("train", "mlstm", *words) == 2
-    assert "choose another --out" in capsys.readouterr().err
+    assert "--out" in capsys.readouterr().err

@@ -179,7 +179,7 @@ def test_a_full_disk_without_root(shelf, published, tmp_path, monkeypatch):
 
     shelf.use_mirror(shelf.mirror)
     monkeypatch.setattr("granbench.data.fetch.shutil.copyfileobj", full)
-    with pytest.raises(DownloadError, match="the disk is full; .*--dest"):
+    with pytest.raises(DownloadError, match="the disk is full; .*folder"):
         fetch(published, tmp_path / "dest")
     assert names(tmp_path / "dest") == []
 
@@ -187,7 +187,7 @@ def test_a_full_disk_without_root(shelf, published, tmp_path, monkeypatch):
 def test_a_place_that_cannot_be_written(shelf, published, tmp_path):
     (tmp_path / "file").write_text("in the way")
     shelf.use_mirror(shelf.mirror)
-    with pytest.raises(DownloadError, match="cannot be written .*--dest"):
+    with pytest.raises(DownloadError, match="cannot be written .*folder"):
         fetch(published, tmp_path / "file")
 
 

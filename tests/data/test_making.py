@@ -100,7 +100,7 @@ def test_a_command_that_fails_says_why_in_one_sentence(shelf):
 @pytest.mark.parametrize(
     ("seconds", "remedy"),
     [
-        (180.0, r"granbench data fetch gp-j2 --make`, about 3 minutes"),
+        (180.0, "about 3 minutes, with minutes=True"),
         (7200.0, r"`granbench generate gp-j2 .*--out DIR`, about 2 hours"),
         (None, r"GRANBENCH_MIRROR"),
     ],

@@ -1,4 +1,4 @@
-"""The committed `gp-*` records for tests: opened once, with the model that made them."""
+"""The published `gp-*` records for tests: opened once, with the model that made them."""
 
 import json
 from functools import cache
@@ -33,13 +33,13 @@ def some(name: str, every: int = 8) -> xr.Dataset:
 
 
 def ground_truth(records: xr.Dataset) -> ClassicalCell:
-    """The model that the records say they come from, as it made them."""
+    """The model that made the records, according to their attributes."""
     truth = json.loads(records.attrs["ground_truth"])
     return recording_cell(truth["model"], truth["parameters"])
 
 
 def rollout(records: xr.Dataset) -> Rollout:
-    """What the ground truth answers along the recorded strain from the recorded start."""
+    """The response of the ground truth to the recorded strain from the recorded start."""
     strain = torch.from_numpy(records["strain"].values.astype(np.float64))
     with torch.no_grad():
         return ground_truth(records).rollout(strain, conditions_of(records))
@@ -51,7 +51,7 @@ def series(records: xr.Dataset, name: str) -> np.ndarray:
 
 
 def full_stress(records: xr.Dataset) -> np.ndarray:
-    """Stress with its part out of the plane, (path, step, 6), Pa."""
+    """Stress with its out-of-plane component, (path, step, 6), Pa."""
     xx, yy, xy = np.moveaxis(series(records, "stress"), -1, 0)
     nothing = np.zeros_like(xx)
     zz = series(records, "out_of_plane_stress")
@@ -59,7 +59,7 @@ def full_stress(records: xr.Dataset) -> np.ndarray:
 
 
 def invariants(records: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """p and q, (path, step), Pa: of the whole tensor where the model is three-dimensional."""
+    """p and q, (path, step), Pa: of the full tensor if the model is three-dimensional."""
     if "out_of_plane_stress" in records:
         stress = full_stress(records)
         return mean_stress(stress, "full"), deviatoric_stress(stress, "full")
@@ -68,7 +68,7 @@ def invariants(records: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
 
 
 def principal_stress(records: xr.Dataset) -> np.ndarray:
-    """Principal stresses, falling, (path, step, 3), Pa, of a three-dimensional model."""
+    """Principal stresses of a three-dimensional model, decreasing, (path, step, 3), Pa."""
     xx, yy, xy = np.moveaxis(series(records, "stress"), -1, 0)
     centre, radius = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
     zz = series(records, "out_of_plane_stress")

@@ -1,4 +1,4 @@
-"""What soil mechanics expects of the shipped `dem-triaxial` records."""
+"""Soil mechanics of the published `dem-triaxial` records."""
 
 from itertools import pairwise
 
@@ -19,7 +19,7 @@ from granbench.records.observations import (
 from granbench.tensors import deviatoric_stress, mean_stress
 
 ANCHOR = {"loading_family": "constant-p", "initial_mean_stress": 0.5e6}
-"""The compression that the densest and the loosest specimen of each grading share."""
+"""Compression test of the densest and the loosest specimen of each grading."""
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def shipped():
 
 @pytest.fixture(scope="module")
 def anchors(shipped):
-    """Triaxial compressions at 0.5 MPa by grading: (dense, loose), first packings."""
+    """Triaxial compressions at 0.5 MPa of original specimens by grading: (dense, loose)."""
     tests = select(shipped, **ANCHOR, intermediate_stress_ratio=0.0, replicate=0)
     frictions = shipped["preparation_friction"].values
     ends = frictions.min(), frictions.max()
@@ -49,7 +49,7 @@ def critical_ratio(records: xr.Dataset) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def packing_scatter(shipped):
-    """Standard deviations of critical q/p and e between packings prepared alike."""
+    """Standard deviations of critical q/p and e between packings prepared in the same way."""
     compressions = select(shipped, loading_family=("constant-p", "constant-sigma3"))
     rows = replicate_pairs(compressions)
     assert len(rows) >= 2
@@ -61,7 +61,7 @@ def packing_scatter(shipped):
     )
 
 
-def test_the_file_is_whole_and_leaks_nothing_between_splits(shipped):
+def test_the_file_is_complete_and_no_split_leaks(shipped):
     verify(shipped, "dem-triaxial")
     assert leak_report(shipped).clean
 

@@ -1,4 +1,4 @@
-"""The shipped `fem-*` records: what is in them, and what mechanics asks of Gauss points."""
+"""The published `fem-*` records: their content, and the mechanics of their Gauss points."""
 
 import json
 from functools import cache
@@ -43,7 +43,7 @@ def of_analysis(records: xr.Dataset, name: str) -> xr.Dataset:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_file_is_what_it_was_when_it_was_sealed_and_is_small(name: str) -> None:
+def test_the_file_is_unchanged_and_small(name: str) -> None:
     records = shipped(name)
     verify(records, name)
     assert records.sizes["step"] == CORE.steps + 1
@@ -74,7 +74,7 @@ def test_every_planned_analysis_is_there_with_its_points(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_smooth_specimen_bears_the_confinement_on_its_sides(name: str) -> None:
+def test_a_smooth_specimen_has_the_confining_pressure_on_its_sides(name: str) -> None:
     """Uniform but for its waves: sigma_xx = p_c(t) and eps_yy = d(t)/H."""
     records = shipped(name)
     for plan in planned_analyses(DATASETS[name], CORE, 0):
@@ -93,8 +93,8 @@ def test_a_smooth_specimen_bears_the_confinement_on_its_sides(name: str) -> None
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_ground_truth_answers_the_recorded_strains(name: str) -> None:
-    """Up to what the size of a recorded step makes, which is some twenty of those that made it."""
+def test_the_ground_truth_reproduces_the_recorded_stress(name: str) -> None:
+    """Up to the error due to the recorded steps, each of which is about twenty time steps."""
     records = shipped(name).isel(path=slice(0, None, 8))
     strain = torch.from_numpy(series(records, "strain"))
     with torch.no_grad():
@@ -106,12 +106,12 @@ def test_the_ground_truth_answers_the_recorded_strains(name: str) -> None:
 
 
 def test_ime_stays_within_its_yield_surface() -> None:
-    """q <= sigma_0 + A (eps_0 + ||eps_p||)^n, up to the rounding of strains that n makes steep."""
+    """q <= sigma_0 + A (eps_0 + ||eps_p||)^n, up to the rounding of strains, which n amplifies."""
     records = shipped("fem-ime")
     truth = json.loads(records.attrs["ground_truth"])["parameters"]
     labels = {"xx": 1.0, "yy": 1.0, "zz": 1.0, "xy": 2.0}
-    plastic = sum(often * series(records, f"plastic_strain_{label}") ** 2
-                  for label, often in labels.items())  # fmt: skip
+    plastic = sum(count * series(records, f"plastic_strain_{label}") ** 2
+                  for label, count in labels.items())  # fmt: skip
     s1, s2, s3 = np.moveaxis(principal_stress(records), -1, 0)
     q = np.sqrt(0.5 * ((s1 - s2) ** 2 + (s2 - s3) ** 2 + (s3 - s1) ** 2))
     grown = (truth["hardening_strain"] + np.sqrt(plastic)) ** truth["hardening_exponent"]
@@ -134,12 +134,12 @@ def test_csuh_stays_compressed() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_training_sees_the_strains_of_random_paths_and_the_footing_more(name: str) -> None:
+def test_training_strains_are_large_and_the_other_problems_differ_from_them(name: str) -> None:
     trained = series(select_split(shipped(name), "train"), "strain")
     foundation = series(select_split(shipped(name), "ood-footing"), "strain")
     wall = series(select_split(shipped(name), "ood-wall"), "strain")
     assert 0.01 < trained[..., 1].std() < 0.1
-    # What compression of a specimen has least of, the others have most of.
+    # Shear is smallest in the compressed specimens and largest under the foundation.
     assert np.abs(foundation[..., 2]).max() > 0.5 * np.abs(trained[..., 2]).max()
     assert wall[:, -1, 0].mean() > 0.0 > trained[:, -1, 0].mean()
 
@@ -164,7 +164,7 @@ def test_the_embedded_analyses_of_the_task_are_analyses_of_the_records(name: str
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
-def test_the_ground_truth_comes_to_its_end_in_every_embedded_analysis(name: str) -> None:
+def test_the_ground_truth_finishes_every_embedded_analysis(name: str) -> None:
     found = embedded_truth(ScoredRecords(shipped(name), registered_task(name).analyses))
     for variable in ("embedded_truth_reaction", "embedded_truth_stress"):
         assert np.isfinite(found[variable].values).all()
@@ -176,7 +176,7 @@ def test_the_ground_truth_comes_to_its_end_in_every_embedded_analysis(name: str)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_the_registered_command_makes_the_committed_file_again(name: str, tmp_path) -> None:
-    """Up to what last bits become in some thousand time steps."""
+    """Up to the growth of rounding errors in some thousand time steps."""
     assert entry(name).generator == f"granbench generate {name} --preset core --out DIR"
     path, _ = find_generator(name).generate(name, "core", tmp_path, progress="quiet")
     committed = shipped(name)

@@ -1,4 +1,4 @@
-"""Statistics of the strain paths in the shipped `gp-*` records: those of SPEC 5 and the thesis."""
+"""Statistics of the strain paths in the published `gp-*` records, compared with the thesis."""
 
 import json
 
@@ -17,7 +17,7 @@ from granbench.tensors import frobenius_norm, volumetric_strain
 
 PUBLISHED_PATHS = 201
 PUBLISHED = {"increment": 1.28e-3, "xx": 0.054, "yy": 0.056, "xy": 0.033, "largest": 0.233}
-"""Figures of the author's published set of paths; see `tests/paths/test_gaussian.py`."""
+"""Statistics of the paths that the author of the thesis published; see `test_gaussian.py`."""
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def test_core_has_its_paths_and_steps(name: str) -> None:
 
 
 def test_reference_data_stay_small() -> None:
-    """What a clone brings: 60 MB at most, no `gp-*` file above 7, all five below 27."""
+    """A clone has at most 60 MB of data; a `gp-*` file has at most 7 MB, all five 27 MB."""
     sizes = {one.id: one.bytes for one in entries() if one.tier == "core"}
     assert sum(sizes.values()) <= 60e6
     assert max(sizes[name] for name in NAMES) <= 7e6
@@ -77,8 +77,8 @@ def test_median_increment_is_that_of_figure_6_7(training: np.ndarray) -> None:
     # With the whole of v as standard deviation it would be twice that.
 
 
-def test_published_paths_lie_among_sets_of_ours(training: np.ndarray) -> None:
-    """Each of the five figures, within three standard deviations between sets of 201 paths.
+def test_published_paths_are_like_sets_of_ours(training: np.ndarray) -> None:
+    """Each of five statistics, within three standard deviations between sets of 201 paths.
 
     The published norm of the increment counts the shear strain once.
     """
@@ -110,7 +110,7 @@ def test_parameters_are_uniform_over_their_ranges_and_independent() -> None:
 
 
 def test_amplitude_and_memory_are_those_of_the_drawn_parameters(training: np.ndarray) -> None:
-    """Of eps_1 + eps_2, which no rotation changes: Eq 6.25 at lag 0 and at the path's middle.
+    """For eps_1 + eps_2, which does not depend on the rotation: Eq 6.25 at lag 0 and one half.
 
     var f(t) = 2 s^2 (1 - exp(-t^2/l^2)), and cov(f(1), f(1/2)) likewise; over 1000 paths scaled
     to unit variance a second moment scatters by sqrt(2/1000) = 4.5 %: three times that.
@@ -173,7 +173,7 @@ def test_all_models_follow_the_same_paths(name: str) -> None:
     assert 0.0 <= factor.min() < factor.max() == 1.0
 
 
-def test_splits_out_of_distribution_differ_in_what_they_are_called_after() -> None:
+def test_splits_out_of_distribution_differ_as_their_names_say() -> None:
     records = shipped("gp-j2")
     strain = series(records, "strain")
     by_split = {name: strain[split_rows(records, name)] for name in split_names(records)}

@@ -1,7 +1,7 @@
-"""What plasticity expects of the shipped `gp-*` records.
+"""Plasticity of the published `gp-*` records.
 
-Stresses keep 16 bits of mantissa and numbers without unit lie on a grid of 2^-20: the tolerances
-here are what these roundings do to each law.
+Stresses have 16 bits of mantissa, and numbers without unit lie on a grid of 2^-20: the tolerances
+follow from these roundings.
 """
 
 import numpy as np
@@ -29,7 +29,6 @@ from granbench.cells.find import find_cells
 from granbench.data.adapters import conditions_of
 from granbench.data.normalisation import Normalisation
 from granbench.generators.rounding import recorded
-from granbench.models.csuh.formulas import critical_ratio
 from granbench.paths.drawn import STRAIN_GRID
 from granbench.records import verify
 from granbench.tensors import frobenius_norm, lode_sin3, volumetric_strain
@@ -46,16 +45,16 @@ def plastic_strain(records: xr.Dataset, *labels: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_file_is_what_it_was_when_it_was_sealed(name: str) -> None:
+def test_the_file_is_unchanged(name: str) -> None:
     verify(shipped(name), name)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_ground_truth_reproduces_its_records_to_the_last_kept_bit(name: str) -> None:
+def test_the_ground_truth_reproduces_its_records_to_the_last_bit(name: str) -> None:
     """On one path in eight of every split, for stress and all internal variables.
 
-    Another machine's last bits may carry a value over the middle between two that a record can
-    hold: one in a million.
+    On another machine the last bits may differ, so that one value in a million is rounded to the
+    other side.
     """
     records = some(name)
     run = rollout(records)
@@ -66,11 +65,12 @@ def test_the_ground_truth_reproduces_its_records_to_the_last_kept_bit(name: str)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_ground_truth_goes_on_from_any_recorded_state(name: str) -> None:
-    """One step from a state as the record keeps it is off by what the rounding of that state is.
+def test_the_ground_truth_continues_from_any_recorded_state(name: str) -> None:
+    """The error of one step from a recorded state is that of the rounding of the state.
 
-    In training standard deviations: 8e-6 of the stress, of which some paths have eight standard
-    deviations, and in CSUH half a grid of H, 5e-7/c_p = 9e-6 of the size of the yield surface.
+    It is measured in standard deviations of the training stress: 8e-6 of a stress of up to eight
+    standard deviations, and for CSUH half a grid step of H, 5e-7/c_p = 9e-6 of the size of the
+    yield surface.
     """
     records = some(name)
     cell = ground_truth(records)
@@ -86,7 +86,7 @@ def test_the_ground_truth_goes_on_from_any_recorded_state(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_who_looks_the_truth_up_scores_exactly_zero(name: str) -> None:
+def test_the_oracle_scores_exactly_zero(name: str) -> None:
     records = shipped(name)
     looked_up = evaluated(records)
     cell = find_cells("oracle", records).cell
@@ -108,7 +108,7 @@ def test_j2_never_exceeds_its_yield_stress_and_is_elastic_in_volume() -> None:
 
 @pytest.mark.parametrize("name", ["gp-j2-hardening", "gp-ime"])
 def test_hardening_yield_stress_is_not_exceeded(name: str) -> None:
-    """q <= Y(|eps^p|) + the rounding of q and, times the slope of Y, of the plastic strain."""
+    """q <= Y(|eps^p|), up to the rounding of q and of the plastic strain times the slope of Y."""
     records = shipped(name)
     cell = ground_truth(records)
     order = ("xx", "yy", "zz", "xy") if name == "gp-ime" else ("xx", "yy", "xy")
@@ -131,8 +131,8 @@ def test_hardening_yield_stress_is_not_exceeded(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["gp-j2-hardening", "gp-ime"])
-def test_stress_is_elastic_in_what_is_left_of_the_strain(name: str) -> None:
-    """sigma = K eps_v + 2 G (e - eps^p): the recorded internal variables explain the stress."""
+def test_stress_follows_from_the_elastic_strain(name: str) -> None:
+    """sigma = K eps_v + 2 G (e - eps^p), with the recorded internal variables."""
     records = shipped(name)
     cell = ground_truth(records)
     values = cell.values()
@@ -173,8 +173,8 @@ def test_drucker_prager_stays_in_its_cone_and_meets_the_apex_only_unscaled() -> 
 def test_drucker_prager_dilates_less_than_its_cone_opens() -> None:
     """Non-associated: plastic dilation over shear, -eps_v^p/gamma^p, is M_d on the cone, not M.
 
-    The shear strain that q works on is |e|/sqrt 2. Along proportional paths, which never turn,
-    its plastic part is what the elastic one, q/4G, leaves of it; eps_v^p follows from p.
+    The shear strain conjugate to q is |e|/sqrt 2. Along proportional paths, which never turn, its
+    plastic part is the total minus the elastic part, q/4G; eps_v^p follows from p.
     """
     records = shipped("gp-dp")
     records = records.isel(path=split_rows(records, "ood-proportional"))
@@ -206,7 +206,7 @@ def test_csuh_void_ratio_follows_the_volumetric_strain() -> None:
 
 
 def test_csuh_stays_in_its_range_of_pressure_inside_its_yield_surface() -> None:
-    """f <= 0 (Eq 7.31) but for the rounding of stress and of H, 5e-7/c_p = 9e-6 each."""
+    """f <= 0 (Eq 7.31), up to the rounding of stress and of H, 5e-7/c_p = 9e-6 each."""
     records = shipped("gp-csuh")
     p, q = invariants(records)
     assert p.min() >= 0.1 * PRESSURE * (1.0 - UNIT)
@@ -221,18 +221,18 @@ def test_csuh_stays_in_its_range_of_pressure_inside_its_yield_surface() -> None:
 
 
 def _surface(records: xr.Dataset, p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """A p, Pa: size of the yield surface through the stress of a clay (chi = 0, N = Z)."""
+    """Size A p of the yield surface through the stress of a clay (chi = 0, N = Z), Pa."""
     values = ground_truth(records).values()
     assert values["critical_spacing"] == 0.0
     assert values["compression_intercept"] == values["low_pressure_intercept"]
     with np.errstate(invalid="ignore"):
         sine = lode_sin3(principal_stress(records))
-    critical = critical_ratio(values["critical_ratio"], np.nan_to_num(sine, nan=1.0))
+    critical = 6.0 * values["critical_ratio"] / (7.0 - np.nan_to_num(sine, nan=1.0))  # Eq 7.35
     return p + q**2 / (critical**2 * p)
 
 
 def test_csuh_is_never_looser_than_its_loosest_state() -> None:
-    """Xi = e_eta - e >= 0 (Eq 7.29); the integration of H against e is held to some 1e-4."""
+    """Xi = e_eta - e >= 0 (Eq 7.29); the error of the integration of H is about 1e-4."""
     records = shipped("gp-csuh")
     p, q = invariants(records)
     values = ground_truth(records).values()

@@ -14,11 +14,11 @@ from granbench.records import open_records
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_the_registered_command_makes_the_committed_file_again(name: str, tmp_path) -> None:
-    """To the last bit on one kind of machine, which the roundings make likely on another.
+    """Exact on one kind of machine, and very likely exact on another, because of the rounding.
 
-    There exp and matmul may differ in their last bit, 1e-16 of it, which carries one value in
-    10^9 over the middle between two that a record can hold: a strain then differs by a grid,
-    1e-6, and the stress from there on by some 1e-5 of its standard deviation.
+    On another machine exp and matmul may differ in their last bit, by 1e-16, so that about one
+    value in 10^9 is rounded to the other side: a strain then differs by one grid step, 1e-6, and
+    the stress from there on by about 1e-5 of its standard deviation.
     """
     assert entry(name).generator == f"granbench generate {name} --preset core --out DIR"
     path, _ = find_generator(name).generate(name, "core", tmp_path, progress="quiet")

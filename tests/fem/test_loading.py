@@ -34,11 +34,10 @@ def test_damaged_path_is_refused(times: tuple, values: tuple, sentence: str) -> 
         LoadingHistory(times, values)
 
 
-def test_constant_speed_and_given_velocities_are_the_same_path() -> None:
+def test_history_through_turning_points_keeps_its_speed() -> None:
     there_and_back = LoadingHistory.through([0.05, 0.03], 0.1)
     assert there_and_back.times == pytest.approx((0.0, 0.5, 0.7))
-    by_velocity = LoadingHistory.of_velocity((0.0, 0.5, 0.7), (0.1, -0.1))
-    assert by_velocity.values == pytest.approx(there_and_back.values)
+    assert there_and_back.values == pytest.approx((0.0, 0.05, 0.03))
     assert there_and_back.at(0.6) == pytest.approx(0.04)
     with pytest.raises(ConfigurationError, match="speed"):
         LoadingHistory.through([0.1], 0.0)

@@ -28,7 +28,9 @@ def vectors(problem: LeastSquares) -> torch.Tensor:
     return 0.3 * torch.randn(2, problem.space.size, generator=generator, dtype=torch.float64)
 
 
-def test_jacobian_agrees_with_central_differences(problem: LeastSquares, vectors: torch.Tensor) -> None:
+def test_jacobian_agrees_with_central_differences(
+    problem: LeastSquares, vectors: torch.Tensor
+) -> None:
     _, jacobian = problem.linearised(vectors)
     size = 1e-5
     for place in range(problem.space.size):

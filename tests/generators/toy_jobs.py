@@ -1,4 +1,4 @@
-"""Jobs for the tests of the campaign executor: small, deterministic, or broken on purpose."""
+"""Jobs for the tests of the campaign executor: small and deterministic, or faulty on purpose."""
 
 import builtins
 import ctypes
@@ -22,8 +22,8 @@ def walk(configuration: Configuration, seed: int, inputs: Inputs, out: Path) -> 
     """Write a random walk that starts from the sum of the ends of the needed walks."""
     place = sum(float(walk_of(inputs[key])[-1]) for key in sorted(inputs))
     rng = random.Random(seed)
-    print("chatter that no terminal may see")
-    print("a warning that no terminal may see", file=sys.stderr)
+    print("output that must not reach the terminal")
+    print("a warning that must not reach the terminal", file=sys.stderr)
     places = []
     for _ in range(configuration["steps"]):
         place += rng.gauss(0.0, 1.0)
@@ -59,7 +59,7 @@ def killed_at_first(configuration: Configuration, seed: int, inputs: Inputs, out
 
 
 def loses_its_helper(configuration: Configuration, seed: int, inputs: Inputs, out: Path) -> None:
-    """Start a helper, and end from C without a word when it dies, as MPI does with its daemon."""
+    """Start a helper process, and end without an exception when it dies, as MPI does."""
     early = _called_too_early(configuration)
     helper = subprocess.Popen(["sleep", "60" if early else "0"])
     if early:
@@ -80,12 +80,12 @@ def raises_at_first(configuration: Configuration, seed: int, inputs: Inputs, out
 def rejected(configuration: Configuration, seed: int, inputs: Inputs, out: Path) -> None:
     """Raise, unless the repair that the configuration names is there."""
     if not Path(configuration["repair"]).exists():
-        raise EngineError("grains were lost:\n 3 of 400")
+        raise EngineError("out of range:\n 3 of 400")
     (out / "whole.txt").write_text("whole")
 
 
 def ends_like_an_engine(configuration: Configuration, seed: int, inputs: Inputs, out: Path) -> None:
-    """Write a log and end the process from C, as LIGGGHTS does on an error."""
+    """Write a log and end the process from C, as some libraries do on an error."""
     (out / "engine.log").write_text("setting up\nERROR: Unknown fix style (line 7)\n")
     ctypes.CDLL(None).exit(1)
 
@@ -99,12 +99,12 @@ def failure_reason(out: Path) -> str | None:
 
 
 def leaves_silently(configuration: Configuration, seed: int, inputs: Inputs, out: Path) -> None:
-    """End the process as if all were well, before the job is done."""
+    """End the process with exit code 0 before the job is done."""
     os._exit(0)
 
 
 def waits(configuration: Configuration, seed: int, inputs: Inputs, out: Path) -> None:
-    """Name its process in a shared folder, and wait until it is told to go on."""
+    """Write the process id to a shared folder, and wait until the file `go` is there."""
     shared = Path(configuration["shared"])
     (shared / f"{configuration['name']}-{time.time_ns()}.pid").write_text(str(os.getpid()))
     while not (shared / "go").exists():

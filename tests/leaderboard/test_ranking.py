@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ from small_cells import secant
 from granbench.benchmark.scorecard import Score
 from granbench.errors import SubmissionError
 from granbench.leaderboard.build import build
-from granbench.leaderboard.chart import _steps_marked
 from granbench.leaderboard.ranking import (
     PathErrors,
     few_seeds,
@@ -118,12 +116,6 @@ def test_one_trained_network_under_three_seeds_is_not_ranked(claimed):
     ):
         row = same.model_copy(update={"predictions": None, "model": model})
         assert few_seeds(row) is few
-
-
-def test_marks_of_a_horizon_are_few_and_rise():
-    for last in (1, 2, 20, 999, 8_000, 10**6):
-        marks = _steps_marked(last)
-        assert len(marks) <= 8 and all(one < other for one, other in pairwise(marks))
 
 
 Change = Callable[[dict], object]

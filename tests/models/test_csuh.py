@@ -18,12 +18,13 @@ from plastic_paths import (
     run,
     stress_of,
 )
-from textbook_csuh import Textbook
+from textbook_csuh import Textbook, critical_ratio, surface_factor
 from torch import Tensor
 
 from granbench.cells.contract import Conditions
 from granbench.errors import ModelError
-from granbench.models.csuh import CSUH, formulas
+from granbench.models.csuh import CSUH
+from granbench.models.csuh.formulas import reference_void_ratio
 from granbench.models.csuh.yielding import FLOOR
 from granbench.models.substepping import Substepping
 
@@ -68,9 +69,8 @@ def shearing(cell: CSUH, points: int, steps: int, size: float, seed: int = 0) ->
 def critical_distance(cell: CSUH, states: Tensor) -> Tensor:
     """E - e_cs(p), (point,)."""
     c, p = cell.constants(), invariants(cell, states)[0]
-    line = formulas.critical_void_ratio(
-        p, c.critical_spacing, c.intercept, c.swelling_slope, c.plastic, c.p_s
-    )
+    surface = 2.0 * p / (1.0 - c.critical_spacing)  # A p at eta = M
+    line = reference_void_ratio(p, surface + c.p_s, c.intercept, c.swelling_slope, c.plastic, c.p_s)
     return internal(cell, states, "void_ratio") - line
 
 
@@ -324,9 +324,9 @@ def test_after_every_step_the_stress_lies_on_its_yield_surface_or_inside(name, o
         for before, state in zip(torch.cat([start[None], states]), states, strict=False):
             p, s = cell.rows.split(all_rows(cell, state))
             sin3 = 13.5 * determinant(cell, s) / cell.rows.deviatoric_stress(s) ** 3
-            critical = formulas.critical_ratio(c.critical_ratio, sin3)
-            eta2 = cell.rows.deviatoric_square(s) / p**2
-            through = formulas.surface_factor(eta2, critical**2, c.critical_spacing) * p
+            critical = critical_ratio(c.critical_ratio, sin3)
+            eta = cell.rows.deviatoric_stress(s) / p
+            through = surface_factor(eta, critical, c.critical_spacing) * p
             hardening = internal(cell, state, "hardening")
             f = torch.log((through + c.p_s) / (PRESSURE + c.p_s))
             f = f - hardening * (1.0 + e_0) / c.plastic

@@ -13,6 +13,16 @@ import numpy as np
 IMAGINARY = 1e-40
 
 
+def critical_ratio(compression, sin3):
+    """M = 18 M_com/(18 + 3 (1 - sin 3 theta)) (Eq 7.35)."""
+    return 18.0 * compression / (18.0 + 3.0 * (1.0 - sin3))
+
+
+def surface_factor(eta, critical, spacing):
+    """A = 1 + (1 + chi) eta^2/(M^2 - chi eta^2) (Eq 7.31 with its missing brackets)."""
+    return 1.0 + (1.0 + spacing) * eta**2 / (critical**2 - spacing * eta**2)
+
+
 def invariants(stress: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """p, q and sin(3 theta) of principal stresses (3, point), which may be complex."""
     p = stress.sum(axis=0) / 3.0

@@ -1,4 +1,4 @@
-"""Laws of files: sealed, whole or absent, and every fault is named."""
+"""Files of records: sealed, whole or absent, and every fault is named."""
 
 import errno
 import os
@@ -61,7 +61,7 @@ def test_any_changed_value_is_named(name, position):
     flat = values.reshape(-1)
     flat[position % flat.size] += 1
     ds[name] = (ds[name].dims, values, ds[name].attrs)
-    with pytest.raises(DatasetError, match=f"variable {name} differ"):
+    with pytest.raises(DatasetError, match=rf"\b{name}\b"):
         verify(ds)
 
 
@@ -77,15 +77,15 @@ def test_a_changed_label_a_lost_and_an_added_variable_are_named(records):
     sealed = seal(records)
     split = sealed["split"].values.copy()
     split[split == "validation"] = "train"
-    with pytest.raises(DatasetError, match="variable split differ"):
+    with pytest.raises(DatasetError, match=r"\bsplit\b"):
         verify(sealed.assign_coords(split=("path", split, sealed["split"].attrs)))
-    with pytest.raises(DatasetError, match="sealed variable void_ratio is missing"):
+    with pytest.raises(DatasetError, match="void_ratio"):
         verify(sealed.drop_vars("void_ratio"))
-    with pytest.raises(DatasetError, match="variable extra is not sealed"):
+    with pytest.raises(DatasetError, match="extra"):
         verify(sealed.assign(extra=("path", np.zeros(sealed.sizes["path"]))))
-    with pytest.raises(DatasetError, match="'configuration' differs"):
+    with pytest.raises(DatasetError, match="'configuration'"):
         verify(sealed.assign_attrs(configuration="{}"))
-    with pytest.raises(DatasetError, match="never sealed"):
+    with pytest.raises(DatasetError, match="'content_sha256'"):
         verify(records)
 
 
@@ -94,19 +94,19 @@ def test_dataset_hash_does_not_depend_on_order():
     assert dataset_hash({"a": "1", "b": "2"}) != dataset_hash({"a": "2", "b": "1"})
 
 
-def test_units_are_added_where_they_lack(records, tmp_path):
+def test_missing_units_are_added(records, tmp_path):
     for variable in records.variables.values():
         variable.attrs.clear()
     with open_records(write_records(records, tmp_path / "a.nc")) as ds:
         assert ds["stress"].attrs["units"] == "Pa"
 
 
-def test_what_is_not_netcdf_is_refused(tmp_path):
+def test_a_file_that_is_not_netcdf_is_refused(tmp_path):
     page = tmp_path / "page.nc"
     page.write_text("<!DOCTYPE html><title>404</title>")
-    with pytest.raises(DatasetError, match="is not a netCDF file"):
+    with pytest.raises(DatasetError, match=r"page\.nc"):
         open_records(page)
-    with pytest.raises(DatasetError, match="there is no such file"):
+    with pytest.raises(DatasetError, match=r"none\.nc"):
         open_records(tmp_path / "none.nc")
 
 
@@ -114,12 +114,12 @@ def test_what_is_not_netcdf_is_refused(tmp_path):
 def test_a_truncated_file_is_refused(records_file, kept):
     content = records_file.read_bytes()
     records_file.write_bytes(content[: int(kept if kept > 1 else kept * len(content))])
-    with pytest.raises(DatasetError, match="synthetic.nc: .*damaged|truncated"):
+    with pytest.raises(DatasetError, match=r"synthetic\.nc"):
         open_records(records_file)
 
 
-def test_damaged_bytes_are_found_unless_they_hold_no_value(records, tmp_path):
-    """A flipped byte inside a compressed block surfaces as a failure to read that variable."""
+def test_damaged_bytes_are_found_unless_no_value_is_there(records, tmp_path):
+    """A changed byte in a compressed block is found when the variable is read."""
     file = write_records(records, tmp_path / "a.nc")
     content = bytearray(file.read_bytes())
     before = content_hashes(records)
@@ -148,15 +148,15 @@ def test_a_full_disk_leaves_nothing_behind(records, tmp_path, monkeypatch):
     assert not os.listdir(tmp_path)
 
 
-def test_a_disk_that_is_really_full_is_said_to_be_full(records, tiny_disk):
-    with pytest.raises(DatasetError, match="the disk is full"):
+def test_a_file_system_that_is_full_is_an_error(records, tiny_disk):
+    with pytest.raises(DatasetError, match="full"):
         write_records(records, tiny_disk / "a.nc")
     assert not os.listdir(tiny_disk)
 
 
-def test_an_unwritable_place_is_one_clear_sentence(records, tmp_path):
+def test_a_file_that_cannot_be_written_is_named(records, tmp_path):
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(DatasetError, match="cannot be written .*choose a folder"):
+    with pytest.raises(DatasetError, match=r"a\.nc"):
         write_records(records, tmp_path / "file" / "a.nc")
 
 

@@ -6,7 +6,7 @@ from granbench.units.known_units import (
     is_stress_unit,
     length_factor,
     split_header,
-    split_strange_unit,
+    split_unknown_unit,
     time_factor,
     unit_factor,
 )
@@ -85,4 +85,4 @@ def test_a_header_is_a_name_and_a_unit(header, name, unit) -> None:
 
 
 def test_an_unknown_unit_is_named_apart_from_the_column() -> None:
-    assert split_strange_unit("q [pounds per acre]") == ("q", "pounds per acre")
+    assert split_unknown_unit("q [pounds per acre]") == ("q", "pounds per acre")

@@ -1,4 +1,4 @@
-"""The form of a cell and of its answers: attributes, shapes and types."""
+"""The attributes that a cell must have, and the shape and type of what its methods return."""
 
 from typing import Any
 
@@ -24,38 +24,37 @@ def require_attributes(cell: MaterialCell) -> None:
         )
     name = getattr(cell, "name", None)
     if not isinstance(name, str) or not name:
-        raise ModelError(f"a {type(cell).__name__} has no `name`; give it one, a text")
+        raise ModelError(f"a {type(cell).__name__} has no `name`; give it one, as text")
     if cell.order not in COMPONENT_ORDERS:
         raise ModelError(
-            f"{name}: its `order` is {cell.order!r}; it must be one of "
-            f"{', '.join(COMPONENT_ORDERS)}"
+            f"{name}: `order` is {cell.order!r}; it must be one of {', '.join(COMPONENT_ORDERS)}"
         )
     if not isinstance(cell.dtype, torch.dtype) or not cell.dtype.is_floating_point:
-        raise ModelError(f"{name}: its `dtype` is {cell.dtype!r}; give torch.float64 or float32")
+        raise ModelError(f"{name}: `dtype` is {cell.dtype!r}; give torch.float64 or float32")
     layout = getattr(cell, "layout", None)
     if not isinstance(layout, StateLayout) or "stress" not in layout:
         raise ModelError(
-            f"{name}: its `layout` has no slice 'stress'; give StateLayout.of(stress="
+            f"{name}: `layout` has no slice 'stress'; give StateLayout.of(stress="
             f"{cell.component_count}, ...)"
         )
     widths = {part: where.stop - where.start for part, where in layout.slices.items()}
     if widths["stress"] != cell.component_count:
         raise ModelError(
             f"{name}: the slice 'stress' of its layout is {widths['stress']} wide, but there are "
-            f"{cell.component_count} {cell.order} components; make them agree"
+            f"{cell.component_count} {cell.order} components; correct the layout or the order"
         )
     for internal in cell.internals:
         if widths.get(internal) != 1:
             raise ModelError(
                 f"{name}: {internal!r} of its `internals` is not a slice of width 1 in its layout; "
-                "add it there, or leave it out"
+                "add it to the layout, or remove it from `internals`"
             )
 
 
 def require_tensor(
     cell: MaterialCell, method: str, what: str, part: Any, shape: tuple[int, int]
 ) -> None:
-    """Refuse what a method returns where it is not a tensor that can be used.
+    """Refuse a result of a method that is not a tensor of the right shape and type.
 
     Parameters
     ----------
@@ -67,7 +66,7 @@ def require_tensor(
     Raises
     ------
     ModelError
-        With what it must be.
+        Naming the method and what it must return.
     """
     name = f"`{method}` of {cell.name}"
     if not isinstance(part, Tensor):
@@ -84,8 +83,8 @@ def require_tensor(
         )
     if part.requires_grad:
         raise ModelError(
-            f"{name} returns {what} with gradients although none are asked for, so that the memory "
-            "of a run grows with every step; return it with `.detach()`"
+            f"{name} returns {what} with gradients although torch has them switched off, so that "
+            "the memory of a run grows with every step; return it with `.detach()`"
         )
 
 

@@ -1,14 +1,14 @@
-"""Some of the questions that a cell was asked while it was used, asked again at the end.
+"""Some of the steps that a cell took while it was used, repeated at the end.
 
-The check before the use takes small increments from ordinary stresses. A memory that is written
-only while yielding, random numbers that are drawn only at large stress, and substeps that follow
-the largest increment of a batch do not show there. They show at the increments and states of the
-use itself.
+The check before the use takes small increments from ordinary stresses. It cannot find a memory
+that is written only while yielding, random numbers that are drawn only at large stress, or
+substeps that follow the largest increment of a batch. The increments and states of the use itself
+can.
 """
 
 import copy
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
@@ -19,16 +19,16 @@ from granbench.cells.contract import MaterialCell
 from granbench.cells.robust_runs import robust_call
 from granbench.errors import ModelError
 
-CALLS = 12
+MOST_CALLS = 12
 """Calls of `step` that are kept at most, evenly spread over the use, and at least half as many
 once there were so many."""
 
-GOLDEN = 0.618034
+GOLDEN_RATIO = 0.618034
 """Multiples of it, without their whole parts, are evenly spread, and so is every second of them:
-they choose which points of a call are asked alone."""
+they choose which points of a call are repeated alone."""
 
-SHARE, ROUNDINGS = 1e-3, 100.0
-"""How far an answer may differ in a batch of another size: a share of the change of stress, and
+BATCH_SHARE, BATCH_ROUNDINGS = 1e-3, 100.0
+"""How far a result may differ in a batch of another size: a share of the change of stress, and
 roundings of the cell's floating type at the stress. Batches of other sizes are summed in another
 order; where a point is then rounded differently, error control may take other substeps, whose
 results differ by about its tolerance."""
@@ -37,24 +37,67 @@ FLAT = 0.1
 """Where the stress of a point hardly changes, as at failure, differences are compared with this
 share of the largest change in the batch, or of the point's stress if that is less."""
 
-MIXES_ROWS = (
-    "answers a point differently alone and together with others, but each row of a batch is a "
-    "point of its own; take out what mixes the rows, such as batch normalisation without running "
-    "statistics, a number of substeps for the whole batch, or a mean, norm or maximum over "
-    "dimension 0"
-)
+
+class MixedRowsError(ModelError):
+    """The stress of a point depends on the other points of its batch."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(
+            f"{name} gives a point another stress alone than together with others, but each row of "
+            "a batch is a point of its own; remove what mixes the rows, such as batch "
+            "normalisation without running statistics, a number of substeps for the whole batch, "
+            "or a mean, norm or maximum over dimension 0"
+        )
+
+
+class DifferentResultsError(ModelError):
+    """A cell gives different results for the same strain increment and state.
+
+    Parameters
+    ----------
+    cell : the cell
+    names : what changed in it, see `granbench.cells.check.snapshot.changed`
+
+    Attributes
+    ----------
+    remembers : the names that are not random numbers
+    draws : the names that are, of which at least one causes the difference
+    """
+
+    def __init__(self, cell: MaterialCell, names: list[str]) -> None:
+        self.draws = [name for name in names if _is_random(name)]
+        self.remembers = [name for name in names if not _is_random(name)]
+        lead = f"{cell.name} gives different results for the same strain increment and state"
+        in_state = (
+            "keep that in the state instead, as a slice of its StateLayout that every step returns"
+        )
+        if self.draws:
+            reason = (
+                f", because it draws {self.draws[0]}; remove dropout, noise and `rand` from what "
+                "is scored"
+            )
+        elif names:
+            where = ", ".join(f"`{name}`" for name in names[:3])
+            reason = f": it remembers earlier calls in {where}; {in_state}"
+        else:
+            reason = (
+                ", although nothing that it holds has changed: either it remembers earlier calls "
+                f"outside of itself, as in a file or another program; {in_state}. Or it depends on "
+                "chance or time, as with `os.urandom` or a clock; remove that from what is scored"
+            )
+        super().__init__(f"{lead}{reason}")
 
 
 @dataclass(frozen=True)
-class Answers:
-    """Steps of some points: what was given and what came back.
+class Steps:
+    """Steps of some points: the arguments of the cell and its results.
 
     Parameters
     ----------
     dstrain, stress : (point, component)
     state, after : (point, n_state)
     scale : (point,), Pa, the change of stress that differences are compared with
-    alone : (point,), whether the point is to be asked on its own too
+    alone : (point,), whether the step of the point is repeated on its own too
     """
 
     dstrain: Tensor
@@ -64,13 +107,13 @@ class Answers:
     scale: Tensor
     alone: Tensor
 
-    def of(self, rows: Tensor) -> "Answers":
-        """The answers of some rows."""
-        return Answers(*(part[rows] for part in vars(self).values()))
+    def of(self, rows: Tensor) -> "Steps":
+        """The steps of some points."""
+        return Steps(*(part[rows] for part in vars(self).values()))
 
 
 class RecordedSteps:
-    """The `step` of a cell that keeps a few of its answers.
+    """The `step` of a cell, which keeps a few of its arguments and results.
 
     It takes the place of `cell.step` while the cell is used. A copy of the cell then has a
     recording of the copy's own steps.
@@ -79,8 +122,8 @@ class RecordedSteps:
     def __init__(self, cell: MaterialCell) -> None:
         self.step = cell.step
         self.stress = cell.layout["stress"]
-        self.kept: list[Answers] = []
-        self.count, self.stride, self.taken = 0, 1, 0
+        self.kept: list[Steps] = []
+        self.count, self.stride, self.kept_in_all = 0, 1, 0
 
     def __call__(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """See `MaterialCell.step`."""
@@ -92,28 +135,28 @@ class RecordedSteps:
         result = self.step(dstrain, state)
         if isinstance(result, tuple) and len(result) > 1:
             stress, after = result[:2]
-            if _is_like(stress, given[0]) and _is_like(after, given[1]):
+            if _has_form_of(stress, given[0]) and _has_form_of(after, given[1]):
                 self._keep(*given, stress.detach(), after.detach())
         return result
 
     def _keep(self, dstrain: Tensor, state: Tensor, stress: Tensor, after: Tensor) -> None:
-        known = [part.isfinite().all(dim=1) for part in (dstrain, state, stress, after)]
-        rows = torch.stack(known).all(dim=0).nonzero().flatten()
+        finite = [part.isfinite().all(dim=1) for part in (dstrain, state, stress, after)]
+        rows = torch.stack(finite).all(dim=0).nonzero().flatten()
         if not len(rows):
             return
         size = stress[rows].abs().amax(dim=1).double()
         change = (stress - state[:, self.stress])[rows].abs().amax(dim=1).double()
-        least = int(dstrain[rows].abs().amax(dim=1).argmin())
+        smallest = int(dstrain[rows].abs().amax(dim=1).argmin())
         even = [round(place * (len(rows) - 1) / 3) for place in range(4)]
-        chosen = sorted({least, int(change.argmax()), int(size.argmax()), *even})
+        chosen = sorted({smallest, int(change.argmax()), int(size.argmax()), *even})
         of_all = FLAT * size.clamp(max=float(change.max()))
         scale = torch.maximum(change, of_all)[chosen]
-        another = chosen[int(GOLDEN * self.taken % 1.0 * len(chosen))]
-        self.taken += 1
-        alone = [len(dstrain) > 1 and place in (least, another) for place in chosen]
+        another = chosen[int(GOLDEN_RATIO * self.kept_in_all % 1.0 * len(chosen))]
+        self.kept_in_all += 1
+        alone = [len(dstrain) > 1 and place in (smallest, another) for place in chosen]
         points = rows[chosen]
         self.kept.append(
-            Answers(
+            Steps(
                 dstrain[points],
                 state[points],
                 stress[points].clone(),
@@ -122,12 +165,12 @@ class RecordedSteps:
                 torch.tensor(alone),
             )
         )
-        if len(self.kept) > CALLS:
+        if len(self.kept) > MOST_CALLS:
             self.kept = self.kept[::2]
             self.stride *= 2
 
-    def answers(self) -> Answers | None:
-        """All that is kept, the last first; None where the cell was not used."""
+    def all(self) -> Steps | None:
+        """Every step that is kept, the last first; None where the cell was not used."""
         if not self.kept:
             return None
         together = _joined(self.kept)
@@ -142,95 +185,70 @@ def fresh_copy(cell: MaterialCell) -> MaterialCell | None:
         return None
 
 
-def require_same_answers(
+def require_same_results(
     cell: MaterialCell,
-    asked: Answers,
+    steps: Steps,
     fresh: MaterialCell | None,
     before: Mapping[str, Any],
 ) -> None:
-    """Make sure that a cell still answers as it did while it was used.
+    """Make sure that a cell still returns what it returned while it was used.
 
-    It is asked all at once, in another order and company than then; some points are asked alone;
-    and so is a copy that was never used, to which a memory of the use is unknown.
+    All steps are repeated in one batch, in another order than then; some points are repeated
+    alone; and all are repeated with a copy that was never used and so remembers nothing of it.
 
     Parameters
     ----------
     cell : the cell after its use
-    asked : what it answered
+    steps : what it was given and returned
     fresh : its copy from before the use
     before : its `snapshot` from before the use
 
     Raises
     ------
-    ModelError
-        If an answer differs; it names what changed in the cell.
+    DifferentResultsError
+        If a result differs; it names what changed in the cell.
+    MixedRowsError
+        If a result differs only because the points of the batch are others.
     """
     untouched = None if fresh is None else fresh_copy(fresh)
-    single = asked.of(asked.alone)
-    now = _ask(cell, asked)
-    same = _agree(now, asked) and _agree(_ask_each(cell, single), single)
-    if same and (fresh is None or _agree(_ask(fresh, asked), asked)):
+    single = steps.of(steps.alone)
+    now = _repeated(cell, steps)
+    same = _agree(now, steps) and _agree(_repeated_one_by_one(cell, single), single)
+    if same and (fresh is None or _agree(_repeated(fresh, steps), steps)):
         return
     by_use = changed_by_use(before, cell)
     earlier = snapshot(cell)
-    again = _ask(cell, asked)
+    again = _repeated(cell, steps)
     by_call = changed(earlier, snapshot(cell))
-    if any(map(_drawn, by_call)) or not _agree(again, now):
-        raise different_answers(cell, by_call or by_use)
+    if any(map(_is_random, by_call)) or not _agree(again, now):
+        raise DifferentResultsError(cell, by_call or by_use)
     if untouched is None:
         mixes = not by_use
     else:
-        mixes = not _agree(_ask_copies(untouched, single), _ask(untouched, asked).of(asked.alone))
+        alone, together = _repeated_by_copies(untouched, single), _repeated(untouched, steps)
+        mixes = not _agree(alone, together.of(steps.alone))
     if mixes:
-        raise ModelError(f"{cell.name} {MIXES_ROWS}")
-    raise different_answers(cell, by_use)
-
-
-def different_answers(cell: MaterialCell, names: list[str]) -> ModelError:
-    """The error for a cell whose answers to one question differ.
-
-    Parameters
-    ----------
-    cell : the cell
-    names : what changed in it, see `granbench.cells.check.snapshot.changed`
-    """
-    told = f"{cell.name} gives different answers to the same strain increment from the same state"
-    drawn = [name for name in names if _drawn(name)]
-    if drawn:
-        return ModelError(
-            f"{told}, because it draws {drawn[0]}; take dropout, noise and `rand` out of what is "
-            "scored"
-        )
-    in_state = (
-        "keep that in the state instead, as a slice of its StateLayout that every step returns"
-    )
-    if names:
-        where = ", ".join(f"`{name}`" for name in names[:3])
-        return ModelError(f"{told}: it remembers earlier calls in {where}; {in_state}")
-    return ModelError(
-        f"{told}, although nothing that it holds has changed: either it remembers earlier calls "
-        f"outside of itself, as in a file or another program; {in_state}. Or it depends on chance "
-        "or time, as with `os.urandom` or a clock; take that out of what is scored"
-    )
+        raise MixedRowsError(cell.name)
+    raise DifferentResultsError(cell, by_use)
 
 
 def changed_by_use(before: Mapping[str, Any], cell: MaterialCell) -> list[str]:
     """Names of what a cell holds that differs from an earlier snapshot; no random numbers."""
-    return [name for name in changed(before, snapshot(cell)) if not _drawn(name)]
+    return [name for name in changed(before, snapshot(cell)) if not _is_random(name)]
 
 
-def _drawn(name: str) -> bool:
+def _is_random(name: str) -> bool:
     return name.startswith("random numbers")
 
 
-def _is_like(answer: Any, given: Tensor) -> bool:
-    """Whether an answer has the form that it must have; others are refused where they are used."""
+def _has_form_of(result: Any, argument: Tensor) -> bool:
+    """Whether a result has the form that it must have; others are refused where they are used."""
     return (
-        isinstance(answer, Tensor)
-        and answer.shape == given.shape
-        and answer.is_floating_point()
-        and answer.device == given.device
-        and answer.layout == given.layout
+        isinstance(result, Tensor)
+        and result.shape == argument.shape
+        and result.is_floating_point()
+        and result.device == argument.device
+        and result.layout == argument.layout
     )
 
 
@@ -239,48 +257,45 @@ def _is_transformed(tensor: Tensor) -> bool:
     return bool(torch._C._functorch.is_functorch_wrapped_tensor(tensor))
 
 
-def _ask(cell: MaterialCell, asked: Answers) -> Answers:
-    """The same questions, with the answers of now."""
-    if not len(asked.dstrain):
-        return asked
-    stress, after = robust_call(cell.step, asked.dstrain.clone(), asked.state.clone())[:2]
-    return Answers(
-        asked.dstrain,
-        asked.state,
-        stress.detach().clone(),
-        after.detach().clone(),
-        asked.scale,
-        asked.alone,
-    )
+def _repeated(cell: MaterialCell, steps: Steps) -> Steps:
+    """The same increments from the same states, with the results that they have now."""
+    if not len(steps.dstrain):
+        return steps
+    stress, after = robust_call(cell.step, steps.dstrain.clone(), steps.state.clone())[:2]
+    results = {"stress": stress.detach().clone(), "after": after.detach().clone()}
+    return replace(steps, **results)
 
 
-def _ask_each(cell: MaterialCell, asked: Answers) -> Answers:
-    """`_ask`, one point at a time."""
-    each = [_ask(cell, asked.of(torch.tensor([row]))) for row in range(len(asked.dstrain))]
-    return _joined(each) if each else asked
+def _repeated_one_by_one(cell: MaterialCell, steps: Steps) -> Steps:
+    """`_repeated`, one point at a time."""
+    each = [_repeated(cell, point) for point in _points_of(steps)]
+    return _joined(each) if each else steps
 
 
-def _ask_copies(cell: MaterialCell, asked: Answers) -> Answers:
-    """`_ask_each`, every point of a copy of its own, so that none can remember another."""
-    points = [asked.of(torch.tensor([row])) for row in range(len(asked.dstrain))]
-    each = [_ask(fresh_copy(cell) or cell, point) for point in points]
-    return _joined(each) if each else asked
+def _repeated_by_copies(cell: MaterialCell, steps: Steps) -> Steps:
+    """`_repeated`, each point with a copy of its own, so that none can remember another."""
+    each = [_repeated(fresh_copy(cell) or cell, point) for point in _points_of(steps)]
+    return _joined(each) if each else steps
 
 
-def _joined(each: Iterable[Answers]) -> Answers:
+def _points_of(steps: Steps) -> list[Steps]:
+    return [steps.of(torch.tensor([row])) for row in range(len(steps.dstrain))]
+
+
+def _joined(each: Iterable[Steps]) -> Steps:
     parts = zip(*(vars(one).values() for one in each), strict=True)
-    return Answers(*(torch.cat(part) for part in parts))
+    return Steps(*(torch.cat(part) for part in parts))
 
 
-def _agree(one: Answers, other: Answers) -> bool:
-    """Whether answers differ by no more than `SHARE` and `ROUNDINGS` allow."""
+def _agree(one: Steps, other: Steps) -> bool:
+    """Whether results differ by no more than `BATCH_SHARE` and `BATCH_ROUNDINGS` allow."""
     if not len(other.stress):
         return True
-    rounding = ROUNDINGS * torch.finfo(other.stress.dtype).eps
+    rounding = BATCH_ROUNDINGS * torch.finfo(other.stress.dtype).eps
     size = other.stress.abs().amax(dim=1).double()
-    allowed = SHARE * other.scale + rounding * torch.maximum(size, size.median())
+    allowed = BATCH_SHARE * other.scale + rounding * torch.maximum(size, size.median())
     stress = (one.stress.double() - other.stress.double()).abs() <= allowed[:, None]
     after = other.after.double().abs()
-    columns = SHARE * after.amax(dim=0) + rounding * after.amax(dim=1, keepdim=True)
+    columns = BATCH_SHARE * after.amax(dim=0) + rounding * after.amax(dim=1, keepdim=True)
     state = (one.after.double() - other.after.double()).abs() <= columns
     return bool(stress.all() and state.all())

@@ -1,4 +1,4 @@
-"""What a cell consists of: its torch modules, and what of it changes from call to call."""
+"""The torch modules of a cell, and a snapshot of every value that could hold a memory."""
 
 import random
 import types
@@ -11,17 +11,17 @@ import torch
 
 from granbench.cells.contract import MaterialCell
 
-DEEPEST = 6
-LONGEST = 100
-"""How far attributes of attributes, and lists of them, are followed."""
+MOST_LEVELS = 6
+MOST_ENTRIES = 100
+"""How far attributes of attributes, and the entries of lists, are followed."""
 
-NUMBERS = (bool, int, float, complex, str, type(None))
+SIMPLE_TYPES = (bool, int, float, complex, str, type(None))
 LIBRARIES = ("torch", "numpy", "builtins", "collections", "typing", "granbench")
-"""Packages whose own objects are not looked into, except modules and cells."""
+"""Packages whose objects are not searched, except modules and cells."""
 
 
 def modules_of(cell: MaterialCell) -> list[torch.nn.Module]:
-    """The torch modules that a cell is made of, each once, those within others included."""
+    """The torch modules of a cell, each once, with those inside other modules."""
     found: dict[int, torch.nn.Module] = {}
     for _, part in _parts(cell):
         if isinstance(part, torch.nn.Module):
@@ -35,11 +35,13 @@ def evaluation_mode(cell: MaterialCell) -> Iterator[list[str]]:
 
     Returns
     -------
-    Names of the kinds of modules that were in training mode and behave differently in it, such as
+    Class names of the modules that were in training mode and behave differently in it, such as
     ``Dropout``
     """
     modes = [(module, module.training) for module in modules_of(cell)]
-    kinds = [type(module).__name__ for module, training in modes if training and _minds(module)]
+    kinds = [
+        type(module).__name__ for module, training in modes if training and _depends_on_mode(module)
+    ]
     try:
         for module, _ in modes:
             module.training = False
@@ -49,8 +51,8 @@ def evaluation_mode(cell: MaterialCell) -> Iterator[list[str]]:
             module.training = training
 
 
-def _minds(module: torch.nn.Module) -> bool:
-    """Whether a module asks for its mode, as dropout and batch normalisation do."""
+def _depends_on_mode(module: torch.nn.Module) -> bool:
+    """Whether a module behaves differently in training, as dropout and batch normalisation do."""
     share = getattr(module, "p", getattr(module, "dropout", None))
     if isinstance(share, int | float) and share == 0:
         return False
@@ -61,8 +63,8 @@ def _minds(module: torch.nn.Module) -> bool:
 def snapshot(cell: MaterialCell) -> dict[str, Any]:
     """Values of everything in a cell that could remember something, by dotted name.
 
-    The generators of random numbers of torch, NumPy and Python are in it as well, under names that
-    begin with ``random numbers``.
+    It includes the states of torch's, NumPy's and Python's random number generators, under names
+    that begin with ``random numbers``.
     """
     values: dict[str, Any] = {}
     for name, part in _parts(cell):
@@ -74,7 +76,7 @@ def snapshot(cell: MaterialCell) -> dict[str, Any]:
             values[f"random numbers of {name}"] = str(part.bit_generator.state)
         elif isinstance(part, torch.Generator):
             values[f"random numbers of {name}"] = part.get_state()
-        elif isinstance(part, NUMBERS):
+        elif isinstance(part, SIMPLE_TYPES):
             values[name] = part
         elif isinstance(part, Mapping | Sequence):
             values[name] = len(part)
@@ -110,26 +112,28 @@ def _parts(cell: MaterialCell) -> Iterator[tuple[str, Any]]:
     waiting: list[tuple[str, Any, int]] = [("", cell, 0)]
     while waiting:
         name, part, depth = waiting.pop(0)
-        if depth > DEEPEST or (id(part) in seen and not isinstance(part, NUMBERS)):
+        if depth > MOST_LEVELS or (id(part) in seen and not isinstance(part, SIMPLE_TYPES)):
             continue
         seen.add(id(part))
         if name or isinstance(part, torch.nn.Module):
             yield name, part
-        waiting += [(f"{name}.{key}".lstrip("."), value, depth + 1) for key, value in _within(part)]
+        waiting += [
+            (f"{name}.{key}".lstrip("."), value, depth + 1) for key, value in _held_by(part)
+        ]
 
 
-def _within(part: Any) -> list[tuple[str, Any]]:
-    """What an object directly holds."""
+def _held_by(part: Any) -> list[tuple[str, Any]]:
+    """The parts that an object holds directly, by name."""
     if isinstance(part, torch.Tensor | np.ndarray | type):
         return []
     if isinstance(part, Mapping):
-        return [(str(key), value) for key, value in list(part.items())[:LONGEST]]
+        return [(str(key), value) for key, value in list(part.items())[:MOST_ENTRIES]]
     if isinstance(part, list | tuple | set | frozenset):
-        return [(str(place), value) for place, value in enumerate(list(part)[:LONGEST])]
+        return [(str(place), value) for place, value in enumerate(list(part)[:MOST_ENTRIES])]
     if isinstance(part, types.MethodType):
-        return [("self", part.__self__), *_within(part.__func__)]
+        return [("self", part.__self__), *_held_by(part.__func__)]
     if isinstance(part, types.FunctionType):
-        return _within_function(part)
+        return _held_by_function(part)
     held = dict(getattr(part, "__dict__", {}))
     if isinstance(part, torch.nn.Module):
         held = {key: value for key, value in held.items() if not key.startswith("_")}
@@ -144,20 +148,20 @@ def _within(part: Any) -> list[tuple[str, Any]]:
     within = list(held.items())
     if type(part).__module__.split(".")[0] not in LIBRARIES:
         own_class = vars(type(part)).items()
-        within += [item for item in own_class if item[0] not in held and _of_class(*item)]
-        within += _within_function(own) if isinstance(own, types.FunctionType) else []
+        within += [item for item in own_class if item[0] not in held and _may_remember(*item)]
+        within += _held_by_function(own) if isinstance(own, types.FunctionType) else []
     return within
 
 
-def _of_class(key: str, value: Any) -> bool:
+def _may_remember(key: str, value: Any) -> bool:
     """Whether an attribute of a class could remember something between calls."""
     return not key.startswith("__") and isinstance(
         value, int | float | list | dict | set | torch.Tensor | np.ndarray | np.random.Generator
     )
 
 
-def _within_function(function: types.FunctionType) -> list[tuple[str, Any]]:
-    """What a function can remember in: names of the module it was written in, and closures."""
+def _held_by_function(function: types.FunctionType) -> list[tuple[str, Any]]:
+    """What a function can remember in: globals of its module, closures and default values."""
     names = function.__code__.co_names
     found = [(name, function.__globals__[name]) for name in names if name in function.__globals__]
     held = [item for item in found if not isinstance(item[1], types.ModuleType | type)]

@@ -1,7 +1,7 @@
-"""Whether a tangent is what the stresses do: a coarse comparison, cheap enough to make always.
+"""A coarse comparison of a tangent with differences of stresses, cheap enough to make always.
 
-The physics axis measures how good a tangent is; here it is only asked whether Newton's method can
-rely on it.
+The physics axis measures how good a tangent is; this only decides whether Newton's method can use
+it.
 """
 
 import torch
@@ -19,11 +19,11 @@ KINK = 0.1
 """Forward and backward differences that differ by more have no derivative between them."""
 
 MISMATCH = 0.2
-"""Relative difference of a row of the tangent from which on it is not to be relied on. A curved
+"""Relative difference of a row of the tangent above which Newton's method cannot use it. A curved
 response in single precision stays well below."""
 
 SMALL = 0.02
-"""Rows below this share of the largest say nothing by themselves."""
+"""Rows below this share of the largest are not compared by their own size."""
 
 
 def tangent_mismatch(
@@ -37,7 +37,7 @@ def tangent_mismatch(
 
     Returns
     -------
-    The component and the median relative difference, or None where the tangent can be relied on
+    The component and the median relative difference, or None where the tangent can be used
     """
     best = torch.full(dstrain.shape, torch.inf, dtype=torch.float64)
     for width in WIDTHS.get(cell.dtype, COARSEST):

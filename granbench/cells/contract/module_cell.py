@@ -99,7 +99,7 @@ class ModuleCell(MaterialCell):
 
 
 def _copies(parts: Sequence[Any]) -> list[Any]:
-    """Copies of tensors, without a graph of gradients where none is asked for."""
+    """Copies of tensors, without a graph where gradients are switched off."""
     if not torch.is_grad_enabled():
         parts = [part.detach() if isinstance(part, Tensor) else part for part in parts]
     return [part.clone() if isinstance(part, Tensor) else part for part in parts]

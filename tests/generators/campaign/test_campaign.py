@@ -30,7 +30,7 @@ from granbench.generators.campaign.report import MissingResults
 pytestmark = pytest.mark.usefixtures("toy_jobs")
 
 
-def test_results_follow_from_configuration_seed_and_needs_alone(tmp_path):
+def test_results_depend_only_on_configuration_seed_and_needs(tmp_path):
     report = quiet(walks(), tmp_path / "one")
     assert list(report.done) == ["joined", "walk/0", "walk/1", "walk/2"]
     assert report.failed == {} and report.skipped == ()
@@ -63,10 +63,10 @@ def test_a_lost_result_that_only_finished_jobs_needed_is_not_made_again(tmp_path
     assert set(again.done) == {"joined", "walk/1", "walk/2"} and not again.failed
 
 
-def test_no_word_of_a_job_reaches_the_terminal(tmp_path, capfd):
+def test_output_of_jobs_does_not_reach_the_terminal(tmp_path, capfd):
     report = quiet(walks(), tmp_path)
     assert capfd.readouterr() == ("", "")
-    assert "chatter" in (report.done["walk/0"] / "job.json").read_text()
+    assert "must not reach" in (report.done["walk/0"] / "job.json").read_text()
 
 
 def test_the_bar_counts_failures(tmp_path, capfd):
@@ -74,10 +74,10 @@ def test_the_bar_counts_failures(tmp_path, capfd):
     run_campaign([failing, *walks()], tmp_path)
     out, err = capfd.readouterr()
     assert out == ""
-    assert "5/5 jobs" in err and "1 failed" in err and "chatter" not in err
+    assert "5/5 jobs" in err and "1 failed" in err and "must not reach" not in err
 
 
-def test_a_failure_is_recorded_with_its_reason_stops_its_users_and_never_gives_data(tmp_path):
+def test_a_failure_is_recorded_with_its_reason_and_stops_the_jobs_that_need_it(tmp_path):
     repair = tmp_path / "repair"
     jobs = [
         Job("bad", "toy_jobs:rejected", {"repair": str(repair)}, 0),
@@ -88,7 +88,7 @@ def test_a_failure_is_recorded_with_its_reason_stops_its_users_and_never_gives_d
         Job("good", "toy_jobs:rejected", {"repair": __file__}, 0),
     ]
     reasons = {
-        "bad": "grains were lost: 3 of 400",
+        "bad": "out of range: 3 of 400",
         "user": "needs bad, which failed",
         "user-of-user": "needs user, which failed",
         "engine": "ERROR: Unknown fix style (line 7)",
@@ -159,7 +159,7 @@ def test_an_exception_that_is_not_permanent_is_tried_again_by_the_next_command(t
     assert quiet([job], tmp_path / "campaign").failed == {}
 
 
-def test_only_a_design_that_allows_permanent_failures_goes_on_without_their_results(tmp_path):
+def test_permanent_failures_can_be_left_out_of_the_required_results(tmp_path):
     bad = Job("bad", "toy_jobs:rejected", {"repair": str(tmp_path / "no")}, 0)
     user = Job("user", "toy_jobs:rejected", {"repair": __file__}, 0, ("bad",))
     report = quiet([bad, user], tmp_path)
@@ -169,7 +169,7 @@ def test_only_a_design_that_allows_permanent_failures_goes_on_without_their_resu
     assert caught.value.permanent
 
 
-def test_killed_command_takes_its_jobs_along_and_resumes_without_loss(
+def test_jobs_of_a_killed_command_end_and_the_campaign_resumes_without_loss(
     tmp_path, shared, undisturbed
 ):
     with campaign_command(shared, tmp_path / "campaign", workers=2) as command:
@@ -227,7 +227,7 @@ def test_a_folder_in_use_is_refused(tmp_path, shared):
             quiet(waiting_jobs(shared), tmp_path / "campaign")
 
 
-def test_results_of_another_configuration_are_refused_by_the_name_of_the_setting(tmp_path):
+def test_results_of_another_configuration_are_refused_with_the_changed_setting(tmp_path):
     quiet(walks(), tmp_path)
     with pytest.raises(ConfigurationError, match="walk/0.*steps.*20.*21"):
         quiet(walks(21)[1:], tmp_path)
@@ -237,7 +237,7 @@ def test_results_of_another_configuration_are_refused_by_the_name_of_the_setting
         quiet([walks()[1], Job("joined", "toy_jobs:walk", {"steps": 20}, 7, ("walk/0",))], tmp_path)
 
 
-def test_a_job_without_code_stops_the_campaign_instead_of_failing_every_job(tmp_path):
+def test_a_job_that_cannot_be_imported_stops_the_campaign(tmp_path):
     with pytest.raises(ConfigurationError, match="no_such_module"):
         quiet([Job("a", "no_such_module:function", {}, 0)], tmp_path)
     assert list((tmp_path / "failed").iterdir()) == []
@@ -254,7 +254,7 @@ def test_a_folder_that_cannot_be_written_is_named():
         quiet(walks(), Path("/proc/campaign"))
 
 
-def test_a_disk_that_is_full_from_the_start_asks_for_space(tmp_path, monkeypatch):
+def test_a_disk_that_is_full_from_the_start_is_an_error(tmp_path, monkeypatch):
     def full(*_, **__):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -263,7 +263,7 @@ def test_a_disk_that_is_full_from_the_start_asks_for_space(tmp_path, monkeypatch
         quiet(walks(), tmp_path)
 
 
-def test_a_full_disk_stops_the_campaign_and_blames_no_job(tmp_path):
+def test_a_full_disk_stops_the_campaign_and_fails_no_job(tmp_path):
     with pytest.raises(ConfigurationError, match="no space is left"):
         quiet([Job("full", "toy_jobs:fills_the_disk", {}, 0)], tmp_path)
     assert list((tmp_path / "failed").iterdir()) == []

@@ -83,7 +83,7 @@ def cluster(toy_jobs: None, tmp_path: Path) -> Iterator[Cluster]:
     running.close()
 
 
-def test_killed_dask_worker_loses_nothing_and_takes_its_job_along(
+def test_the_job_of_a_killed_dask_worker_ends_and_nothing_is_lost(
     tmp_path, shared, undisturbed, cluster, capfd
 ):
     stopped: list[bool] = []
@@ -154,13 +154,13 @@ def test_a_lost_scheduler_is_a_clear_error_and_the_campaign_resumes(
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:nowhere", "nowhere"])
-def test_an_address_that_is_none_is_refused(tmp_path, address):
+def test_an_invalid_address_is_refused(tmp_path, address):
     with pytest.raises(ConfigurationError, match=address):
         quiet(walks(), tmp_path / "new" / "campaign", scheduler=address)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_campaign_that_was_begun_asks_for_a_scheduler_only_when_it_has_jobs_left(tmp_path):
+def test_a_finished_campaign_needs_no_scheduler(tmp_path):
     nobody = "tcp://127.0.0.1:nowhere"
     done = quiet(walks(), tmp_path).done
     assert quiet(walks(), tmp_path, scheduler=nobody).done == done
@@ -169,7 +169,7 @@ def test_a_campaign_that_was_begun_asks_for_a_scheduler_only_when_it_has_jobs_le
         quiet(walks(), tmp_path, scheduler=nobody)
 
 
-def test_a_service_that_is_no_scheduler_is_refused_in_time(tmp_path, monkeypatch):
+def test_a_service_that_is_not_a_scheduler_is_soon_refused(tmp_path, monkeypatch):
     assert workers.CONNECT_TIME < 10.0
     monkeypatch.setattr(workers, "CONNECT_TIME", 0.5)
     with socket.socket() as silent:

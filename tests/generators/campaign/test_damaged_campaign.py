@@ -75,7 +75,7 @@ def own(finished: Path, tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("kind", DAMAGES)
-def test_whatever_happens_to_files_of_results_only_those_jobs_run_again(own, finished, kind):
+def test_only_jobs_with_damaged_results_run_again(own, finished, kind):
     for slug, name in zip(("walk__0", "walk__1", "joined"), FILES, strict=True):
         DAMAGES[kind](own / "results" / slug / name)
     report = quiet(walks(), own, workers=2)
@@ -94,7 +94,7 @@ def test_a_record_with_values_of_other_types_is_damaged(own, finished, change):
     assert files_of(own) == files_of(finished)
 
 
-def test_foreign_files_and_empty_job_folders_are_no_results(own, finished):
+def test_foreign_files_and_empty_job_folders_are_not_results(own, finished):
     shutil.rmtree(own / "results" / "walk__1")
     (own / "results" / "walk__1").mkdir()
     shutil.rmtree(own / "results" / "joined")
@@ -119,7 +119,7 @@ def test_a_damaged_failure_record_does_not_stop_the_job_from_being_tried(tmp_pat
     assert not os.path.lexists(tmp_path / "campaign" / "failed" / "bad.json")
 
 
-def test_results_of_an_earlier_version_without_a_seal_are_taken_up(own, finished):
+def test_results_of_an_earlier_version_without_a_hash_are_accepted(own, finished):
     for slug in ("walk__0", "walk__1", "walk__2", "joined"):
         file = own / "results" / slug / "job.json"
         record = json.loads(file.read_text())

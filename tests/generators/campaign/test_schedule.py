@@ -25,7 +25,7 @@ def job_lists(draw: st.DrawFn) -> list[Job]:
 
 
 @given(jobs=job_lists(), workers=st.integers(1, 4), seed=st.integers(0, 2**16))
-def test_every_job_runs_once_after_all_that_it_needs_and_none_is_passed_over(jobs, workers, seed):
+def test_every_job_runs_once_in_order_of_priority_after_all_that_it_needs(jobs, workers, seed):
     schedule = Schedule(jobs)
     rng = random.Random(seed)
     running: list[str] = []
@@ -49,7 +49,7 @@ def test_every_job_runs_once_after_all_that_it_needs_and_none_is_passed_over(job
 
 
 @given(jobs=job_lists(), bad=st.integers(0, 11))
-def test_a_failure_stops_exactly_the_jobs_that_reach_back_to_it(jobs, bad):
+def test_a_failure_stops_exactly_the_jobs_that_depend_on_it(jobs, bad):
     schedule = Schedule(jobs)
     failing = jobs[bad % len(jobs)].key
     stopped: set[str] = set()
@@ -71,7 +71,7 @@ def test_a_failure_stops_exactly_the_jobs_that_reach_back_to_it(jobs, bad):
     assert ended == set(schedule.jobs) - stopped
 
 
-def test_jobs_in_a_circle_double_keys_and_absent_needs_are_refused():
+def test_circular_needs_repeated_keys_and_missing_needs_are_refused():
     with pytest.raises(ConfigurationError, match="circle: a, b"):
         Schedule([job("a", "b"), job("b", "a"), job("c")])
     with pytest.raises(ConfigurationError, match="key a"):

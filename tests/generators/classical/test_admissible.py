@@ -59,7 +59,7 @@ def test_the_factor_is_the_largest_that_keeps_the_pressure(strain: np.ndarray) -
     np.testing.assert_array_equal(admissible_factors(cell, strain, PRESSURE), expected)
 
 
-def test_a_frictional_model_stays_in_compression_where_it_would_not(strain: np.ndarray) -> None:
+def test_scaled_paths_keep_a_frictional_model_in_compression(strain: np.ndarray) -> None:
     cell = DruckerPrager()
     start = isotropic_start(cell, PRESSURE, len(strain))
 
@@ -86,7 +86,7 @@ def test_a_model_that_stiffens_is_not_crushed(strain: np.ndarray) -> None:
     assert (factor[contracting] < 1.0).all()
 
 
-def test_a_path_that_nothing_saves_is_refused(strain: np.ndarray) -> None:
+def test_a_path_without_an_admissible_factor_is_refused(strain: np.ndarray) -> None:
     """A cone whose flow contracts loses its pressure by shear alone."""
     contractive = DruckerPrager({"dilation_slope": -0.3})
     with pytest.raises(ModelError, match="even at constant volume; start from another"):

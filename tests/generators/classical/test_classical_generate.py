@@ -83,7 +83,7 @@ def test_every_variable_says_how_it_was_rounded_and_rounding_again_changes_nothi
     for name, variable in ds.data_vars.items():
         np.testing.assert_array_equal(recorded(str(name), variable.values), variable.values)
         key = "grid_spacing" if variable.attrs["units"] == "1" else "keep_bits"
-        assert {"grid_spacing": STRAIN_GRID, "keep_bits": STRESS_BITS}[key] == variable.attrs[key]
+        assert variable.attrs[key] == {"grid_spacing": STRAIN_GRID, "keep_bits": STRESS_BITS}[key]
     assert "2^-20" in ds.attrs["rounding"] and "16 bits" in ds.attrs["rounding"]
 
 

@@ -21,7 +21,7 @@ def strain() -> torch.Tensor:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_start_is_isotropic_and_as_a_record_keeps_it(name: str) -> None:
+def test_start_is_isotropic_and_rounded_as_a_record(name: str) -> None:
     cell = MODELS[name]()
     start = isotropic_start(cell, PRESSURE, 3)
     assert start.stress.tolist() == [[PRESSURE, PRESSURE, 0.0]] * 3

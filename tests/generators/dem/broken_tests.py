@@ -1,4 +1,4 @@
-"""Triaxial jobs that go wrong, each in a way of its own."""
+"""Triaxial jobs that fail, each in a different way."""
 
 import os
 import signal
@@ -18,24 +18,24 @@ __all__ = [
 
 
 def killed(configuration, seed, inputs, out):
-    """A test whose process is killed whenever it runs, as by a lack of memory."""
+    """Kill the process of the test, as a lack of memory does."""
     os.kill(os.getpid(), signal.SIGKILL)
 
 
 def held_too_loosely(configuration, seed, inputs, out):
-    """A test that is asked for a servo no test can have."""
+    """Run a test with a limit of the servo error that no test can keep."""
     recording.LARGEST_SERVO_ERROR = 0.0
     shear(configuration, seed, inputs, out)
 
 
 def loses_a_grain(configuration, seed, inputs, out):
-    """A test from whose box a grain vanishes, as LIGGGHTS lets them: without a word."""
+    """Run a test from whose box a grain is lost, without an error of LIGGGHTS."""
     _in_the_second_chunk("group last id 400", "delete_atoms group last")
     shear(configuration, seed, inputs, out)
 
 
 def stopped_by_the_engine(configuration, seed, inputs, out):
-    """A test in which LIGGGHTS finds an error and ends the process."""
+    """Run a test in which LIGGGHTS finds an error and ends the process."""
     _in_the_second_chunk("fix nothing all no/such/style")
     shear(configuration, seed, inputs, out)
 

@@ -1,4 +1,4 @@
-"""LIGGGHTS in a process of its own for every call, as it can be started once in a process."""
+"""Calls in new processes, because LIGGGHTS can be started only once in a process."""
 
 import multiprocessing
 from collections.abc import Callable
@@ -9,6 +9,6 @@ _CONTEXT.set_forkserver_preload(["granbench.generators.dem.preparation"])
 
 
 def isolated(function: Callable, *arguments, **named):
-    """What a function of a module gives in a fresh process; an end of that process is an error."""
+    """Return the result of a function of a module in a new process; its end is an error."""
     with ProcessPoolExecutor(1, mp_context=_CONTEXT) as executor:
         return executor.submit(function, *arguments, **named).result()

@@ -181,7 +181,7 @@ def box_that_loses_a_grain(folder):
 
 
 def test_lost_grain_is_an_error(tmp_path):
-    with pytest.raises(EngineError, match=r"1 of 200 grains left the box"):
+    with pytest.raises(EngineError, match="1 of 200 grains"):
         isolated(box_that_loses_a_grain, tmp_path)
 
 
@@ -191,8 +191,8 @@ def crushed_box(folder):
         box.strain(np.full(3, 1e-2), 20)
 
 
-def test_packing_denser_than_any_is_an_error(tmp_path):
-    with pytest.raises(EngineError, match=r"void ratio is .* below 0\.05"):
+def test_impossibly_small_void_ratio_is_an_error(tmp_path):
+    with pytest.raises(EngineError, match="void ratio"):
         isolated(crushed_box, tmp_path)
 
 
@@ -205,10 +205,10 @@ def strained_edges(folder):
 
 
 def test_box_follows_the_prescribed_logarithmic_strain(tmp_path):
-    strain, told, real = isolated(strained_edges, tmp_path)
+    strain, lengths, engine_lengths = isolated(strained_edges, tmp_path)
     np.testing.assert_allclose(strain, [0.02, -0.04, 0.01], rtol=1e-12)
-    # The engine's edges are one step ahead of the grains.
-    np.testing.assert_allclose(real, told, rtol=1e-3)
+    # The edges in LIGGGHTS are one step ahead of the grains.
+    np.testing.assert_allclose(engine_lengths, lengths, rtol=1e-3)
 
 
 def two_engines(folder):
@@ -217,5 +217,5 @@ def two_engines(folder):
 
 
 def test_second_engine_in_a_process_is_refused(tmp_path):
-    with pytest.raises(EngineError, match="own worker process"):
+    with pytest.raises(EngineError, match="only once"):
         isolated(two_engines, tmp_path)

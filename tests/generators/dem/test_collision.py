@@ -76,7 +76,7 @@ def test_steep_impact_sticks_and_keeps_the_angular_momentum_about_the_contact(tm
     assert energy < SPEED**2
 
 
-def test_normal_impact_on_the_plane_lasts_as_hertz_says(tmp_path):
+def test_normal_impact_on_the_plane_has_the_duration_of_hertz(tmp_path):
     collision = on_the_plane(tmp_path, 0)
     mass = ALUMINA.density * 4 / 3 * math.pi * RADIUS**3
     modulus = ALUMINA.young_modulus / (1 - ALUMINA.poisson_ratio**2) / 1.001

@@ -31,7 +31,7 @@ def by_split(plans):
     return {split: [p for p in plans if p.specimen.split == split] for split in SPLITS}
 
 
-def test_core_has_at_least_420_tests_under_names_of_their_own(core):
+def test_core_has_at_least_420_tests_with_unique_names(core):
     assert len(core) == 443
     assert len({plan.name for plan in core}) == len(core)
     assert len({plan.specimen.seed for plan in core}) == len({p.specimen.name for p in core})

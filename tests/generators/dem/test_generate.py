@@ -203,7 +203,7 @@ def test_a_job_whose_mpi_helper_is_killed_is_tried_again_and_gives_the_same_bits
         assert ds.sizes["path"] == ds.attrs["planned_paths"]
 
 
-def test_a_dataset_without_a_job_that_was_ended_from_outside_is_not_written(own, monkeypatch):
+def test_a_dataset_without_the_result_of_a_killed_job_is_not_written(own, monkeypatch):
     shutil.rmtree(result_of(own, TESTS[0]))
     (own / "dem-triaxial-0.0.0+smoke.nc").unlink()
     with monkeypatch.context() as broken:
@@ -222,7 +222,7 @@ def test_a_damaged_record_of_a_test_is_made_again(own, finished):
         assert first.attrs["content_sha256"] == again.attrs["content_sha256"]
 
 
-def test_what_fails_is_recorded_with_its_reason_and_is_not_in_the_data(own, monkeypatch):
+def test_failed_tests_are_recorded_with_their_reasons_and_are_not_in_the_data(own, monkeypatch):
     broken = {
         TESTS[0]: ("held_too_loosely", "servo error .* RMS > 0%"),
         TESTS[2]: ("loses_a_grain", "1 of 400 grains left the box"),

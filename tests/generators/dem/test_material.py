@@ -42,7 +42,7 @@ def test_time_step_keeps_both_bounds_and_reaches_one(radius):
     assert GRAINS.time_step(radius) == min(bounds)
 
 
-def test_critical_step_takes_over_for_small_grains():
+def test_critical_step_governs_for_small_grains():
     large, small = 0.0118 / 2, 0.0014 / 2
     assert GRAINS.time_step(large) < GRAINS.critical_time_step(large)
     assert GRAINS.time_step(small) == GRAINS.critical_time_step(small)

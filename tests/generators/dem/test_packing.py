@@ -85,7 +85,7 @@ def test_wide_gradings_start_denser_than_narrow_ones():
     assert {fractions[name] for name in fractions.keys() - narrow} == {0.40}
 
 
-def test_jammed_placement_is_refused():
+def test_placement_without_free_positions_is_refused():
     with pytest.raises(ConfigurationError, match="solid_fraction"):
         place_grains(np.full(200, 0.01), 0.5, np.random.default_rng(0))
 
@@ -137,7 +137,7 @@ def test_lattice_takes_one_number_for_a_cube(lattice):
     same, same_edges = lattice((2, 2, 2), 0.01)
     np.testing.assert_array_equal(positions, same)
     np.testing.assert_array_equal(edges, same_edges)
-    with pytest.raises(ConfigurationError, match="cells 0"):
+    with pytest.raises(ConfigurationError, match="cells"):
         lattice(0, 0.01)
     with pytest.raises(ConfigurationError, match="diameter"):
         lattice(2, 0.0)

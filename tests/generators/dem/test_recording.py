@@ -15,7 +15,7 @@ from granbench.generators.dem.recording import (
     DrivenSeries,
     QualityError,
     Snapshot,
-    assemble,
+    record_of,
     require_quality,
     stress_tensor,
 )
@@ -55,20 +55,20 @@ def series_of(stress=stress_at, chunks_a_record=3):
 @pytest.mark.parametrize("chunks_a_record", [1, 3, 4])
 def test_stress_that_is_linear_in_the_path_is_recorded_without_lag(chunks_a_record):
     """Though every average is known half a chunk late; the last record is no exception."""
-    record = assemble(PROGRAMME, series_of(chunks_a_record=chunks_a_record))
+    record = record_of(PROGRAMME, series_of(chunks_a_record=chunks_a_record))
     expected = np.array([stress_at(s) for s in POSITIONS])
     np.testing.assert_allclose(record.stress, expected, rtol=1e-12, atol=1e-6)
 
 
 def test_geometry_is_that_of_the_record():
-    record = assemble(PROGRAMME, series_of())
+    record = record_of(PROGRAMME, series_of())
     np.testing.assert_array_equal(record.strain[:, 0], POSITIONS)
     np.testing.assert_array_equal(record.void_ratio, 0.6 + POSITIONS)
     np.testing.assert_array_equal(record.coordination_number, 3.0)  # 2 x 3 contacts / 2 grains
 
 
-def test_inertial_number_is_the_largest_since_the_record_before():
-    record = assemble(PROGRAMME, series_of())
+def test_inertial_number_is_the_largest_since_the_last_record():
+    record = record_of(PROGRAMME, series_of())
     # It rises along the path, so the last chunk before each record has the largest.
     np.testing.assert_allclose(record.inertial_number[1:], 1e-3 + 1e-2 * POSITIONS[1:])
     assert record.inertial_number[0] == 0
@@ -76,22 +76,22 @@ def test_inertial_number_is_the_largest_since_the_record_before():
 
 
 def test_steps_are_those_up_to_the_last_record():
-    assert assemble(PROGRAMME, series_of()).steps == 7 * 3 * (len(POSITIONS) - 1)
+    assert record_of(PROGRAMME, series_of()).steps == 7 * 3 * (len(POSITIONS) - 1)
 
 
 def test_errors_before_the_servo_has_settled_do_not_count():
     def settling(position, until):
         return stress_at(position) * (1.05 if position < until else 1.0)
 
-    soon = assemble(PROGRAMME, series_of(lambda s: settling(s, until=2e-3)))
-    late = assemble(PROGRAMME, series_of(lambda s: settling(s, until=4e-3)))
+    soon = record_of(PROGRAMME, series_of(lambda s: settling(s, until=2e-3)))
+    late = record_of(PROGRAMME, series_of(lambda s: settling(s, until=4e-3)))
     assert soon.servo_error_rms == pytest.approx(0.0, abs=1e-12)
     assert late.servo_error_rms > LARGEST_SERVO_ERROR
     # A share of 2 in 28 of the chunks that count is 5 % off.
     assert late.servo_error_rms == pytest.approx(0.05 * np.sqrt(2 / 28), rel=1e-6)
 
 
-GOOD = assemble(PROGRAMME, series_of())
+GOOD = record_of(PROGRAMME, series_of())
 
 
 def test_record_within_all_limits_passes():
@@ -99,7 +99,7 @@ def test_record_within_all_limits_passes():
 
 
 @pytest.mark.parametrize(
-    ("broken", "said"),
+    ("broken", "named"),
     [
         ({"servo_error_rms": 1.01 * LARGEST_SERVO_ERROR}, "servo error"),
         ({"stress_ratio_error_rms": 1.01 * LARGEST_RATIO_ERROR}, "error of b"),
@@ -108,8 +108,8 @@ def test_record_within_all_limits_passes():
         ({"stress": np.array([[1.0, 1.0, 1.0, 0.0, 0.0, 1.1]])}, "tensile"),
     ],
 )
-def test_record_beyond_a_limit_is_refused_by_its_name(broken, said):
-    with pytest.raises(QualityError, match=said):
+def test_record_beyond_a_limit_is_refused_by_its_name(broken, named):
+    with pytest.raises(QualityError, match=named):
         require_quality(dataclasses.replace(GOOD, **broken))
 
 

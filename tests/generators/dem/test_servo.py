@@ -36,13 +36,13 @@ def test_isotropic_stiffness_is_bulk_modulus_in_volume_and_twice_the_shear_modul
 
 
 @given(family=families, b=ratios)
-def test_no_error_and_no_change_of_target_ask_for_no_rate(family, b):
+def test_rates_are_zero_without_error_and_change_of_target(family, b):
     servo = servo_of(family(pressure=5e5, b=b))
     np.testing.assert_array_equal(servo.rates(np.zeros(2), np.zeros(2), BULK, DURATION, DRIVE), 0)
 
 
 @given(family=families, b=ratios, change=st.tuples(*[st.floats(-2e3, 2e3)] * 2))
-def test_change_of_target_is_fed_forward_whole(family, b, change):
+def test_change_of_target_is_fully_fed_forward(family, b, change):
     programme = family(pressure=5e5, b=b)
     gains = ServoGains(rate_limit=1e6)
     rates = servo_of(programme, gains).rates(np.zeros(2), np.array(change), BULK, DURATION, DRIVE)
@@ -74,7 +74,7 @@ def remaining_error(programme, stiffness, drift, chunks=200):
 
 @given(family=families, b=ratios, softer=st.floats(0.5, 1.5))
 @settings(max_examples=25, deadline=None)
-def test_servo_learns_the_steady_rate_that_dilatancy_needs(family, b, softer):
+def test_servo_finds_the_steady_rate_that_dilatancy_needs(family, b, softer):
     """The plastic flow is one that keeps all stresses: only the integral part can find it."""
     programme = family(pressure=5e5, b=b)
     flow = DRIVE * np.array([1.0, -0.55, -0.65])
@@ -82,7 +82,7 @@ def test_servo_learns_the_steady_rate_that_dilatancy_needs(family, b, softer):
 
 
 @pytest.mark.parametrize("family", [ConstantMeanStress, ConstantMinorStress])
-def test_learnt_rate_turns_with_the_driving_rate(family):
+def test_steady_rate_is_reversed_with_the_driving_rate(family):
     servo = servo_of(family(pressure=5e5, b=0.5))
     error = np.array([3e3, -1e3])
     servo.rates(error, np.zeros(2), BULK, DURATION, DRIVE)

@@ -72,7 +72,7 @@ def test_a_smooth_specimen_has_the_confining_pressure_on_its_sides(records) -> N
     np.testing.assert_allclose(strain, np.linspace(0.0, end, SMOKE.steps + 1), atol=0.05 * end)
 
 
-def test_the_ground_truth_answers_the_recorded_strains(records) -> None:
+def test_the_ground_truth_reproduces_the_recorded_stress(records) -> None:
     """Up to the size of the steps: a recorded one is some ten of those that made it."""
     cell = ground_truth_cell(records)
     strain = torch.from_numpy(records["strain"].values.astype(np.float64))

@@ -1,0 +1,201 @@
+"""Laws of every wrapper of a cell, found by searching the subclasses of `CellWrapper`."""
+
+import importlib
+import inspect
+from pathlib import Path
+
+import pytest
+import torch
+from driven_cells import learnt
+from registered_cells import cell_of, record_of, rounding
+from small_cells import Persistence, secant
+
+from granbench.benchmark.axes.embedded.timed_cell import TimedCell
+from granbench.cells.check.probe import default_start, probe_increments
+from granbench.cells.contract import CONTRACT_ATTRIBUTES, Conditions, History, MaterialCell
+from granbench.cells.difference_tangent import DifferenceTangent
+from granbench.cells.wrapper import CellWrapper
+from granbench.errors import AnalysisError
+from granbench.fem.problems import find_problem
+from granbench.fitting.cell_of_each_point import CellOfEachPoint
+from granbench.models import ClassicalCell
+from granbench.models.modified_cam_clay import ModifiedCamClay
+
+POINTS = 4
+PACKAGES = ("granbench", "granbench.generators", "granbench.baselines", "granbench.leaderboard")
+
+MODELS = ("j2 plane", "drucker-prager plane", "csuh full", "modified-cam-clay principal")
+BASELINES = ("gru", "lstm", "oracle", "linear-elastic")
+CELLS = (*MODELS, *BASELINES)
+
+ARGUMENTS = {
+    CellOfEachPoint: lambda cell: (
+        {name: torch.zeros(POINTS, dtype=cell.dtype) for name in cell.free},
+    )
+}
+"""What a wrapper needs beside the cell, so that it changes nothing."""
+
+
+def wrappers() -> list[type[CellWrapper]]:
+    """Every wrapper of the package, of modules that are imported because they name the class."""
+    for package in PACKAGES:
+        folder = Path(str(importlib.import_module(package).__file__)).parent
+        for file in folder.rglob("*.py"):
+            if "CellWrapper" in file.read_text(encoding="utf-8"):
+                parts = file.relative_to(folder).with_suffix("").parts
+                importlib.import_module(".".join([package, *parts]))
+    found, waiting = [CellWrapper], [CellWrapper]
+    while waiting:
+        own = waiting.pop().__subclasses__()
+        found += own
+        waiting += own
+    return [kind for kind in found if kind.__module__.startswith("granbench")]
+
+
+WRAPPERS = wrappers()
+
+
+@pytest.fixture(params=WRAPPERS, ids=lambda kind: kind.__name__)
+def wrapper(request: pytest.FixtureRequest) -> type[CellWrapper]:
+    return request.param
+
+
+@pytest.fixture(params=CELLS)
+def case(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+@pytest.fixture
+def cell(case: str) -> MaterialCell:
+    return cell_of(case)
+
+
+def wrapped_by(kind: type[CellWrapper], cell: MaterialCell) -> CellWrapper:
+    if kind in ARGUMENTS and not isinstance(cell, ClassicalCell):
+        pytest.skip(f"{kind.__name__} is for classical models")
+    return kind(cell, *(ARGUMENTS[kind](cell) if kind in ARGUMENTS else ()))
+
+
+def close(cell: MaterialCell, found: torch.Tensor, expected: torch.Tensor) -> None:
+    """Equal but for the rounding of another batch."""
+    scale = float(expected.nan_to_num().abs().max())
+    torch.testing.assert_close(
+        found, expected, rtol=rounding(cell), atol=rounding(cell) * scale, equal_nan=True
+    )
+
+
+def test_the_wrappers_of_the_package_are_found() -> None:
+    assert {CellWrapper, DifferenceTangent, TimedCell, CellOfEachPoint} <= set(WRAPPERS)
+
+
+def test_the_wrapper_forwards_every_method_of_the_contract() -> None:
+    """All but those that follow from others, which nobody may override."""
+    for name, member in vars(MaterialCell).items():
+        follows = getattr(member, "__final__", False) or name == "component_count"
+        if not name.startswith("_") and not follows and name not in CONTRACT_ATTRIBUTES:
+            assert name in vars(CellWrapper), name
+
+
+def test_every_attribute_is_that_of_the_cell(
+    wrapper: type[CellWrapper], cell: MaterialCell
+) -> None:
+    found = wrapped_by(wrapper, cell)
+    for name in CONTRACT_ATTRIBUTES:
+        if wrapper is CellWrapper or name not in vars(wrapper):
+            assert getattr(found, name) == getattr(cell, name), name
+    assert found.component_count == cell.component_count
+    assert found.parameters_count() == cell.parameters_count()
+    if "tangent" not in vars(wrapper):
+        assert found.has_own_tangent == cell.has_own_tangent
+
+
+def test_an_attribute_that_changes_in_the_cell_changes_in_the_wrapper() -> None:
+    cell = secant()
+    found = CellWrapper(cell)
+    cell.cheap_tangent = False
+    assert not found.cheap_tangent
+    found.cheap_tangent = True
+    assert found.cheap_tangent and not cell.cheap_tangent
+    del found.cheap_tangent
+    assert not found.cheap_tangent
+
+
+@torch.no_grad()
+def test_states_stresses_and_conditioning_are_those_of_the_cell(
+    wrapper: type[CellWrapper], case: str, cell: MaterialCell
+) -> None:
+    record = record_of(case, cell)
+    found = wrapped_by(wrapper, cell)
+    state = cell.initial_state(record.conditions)
+    assert torch.equal(found.initial_state(record.conditions), state)
+    for increment in record.strain.diff(dim=1).to(cell.dtype).unbind(dim=1):
+        expected = cell.step(increment, state)
+        for one, other in zip(found.step(increment, state), expected, strict=True):
+            close(cell, one, other)
+        _, state = expected
+    close(cell, found.condition(record), cell.condition(record))
+    close(cell, found.condition_each(record), cell.condition_each(record))
+
+
+def test_tangents_are_those_of_the_cell(
+    wrapper: type[CellWrapper], case: str, cell: MaterialCell
+) -> None:
+    if wrapper is DifferenceTangent:
+        pytest.skip("its tangent is another one: see test_difference_tangent")
+    if cell.reads_records:
+        pytest.skip("the oracle has no tangent")
+    record = record_of(case, cell)
+    found = wrapped_by(wrapper, cell)
+    state = cell.initial_state(record.conditions).detach()
+    increment = (record.strain[:, 1] - record.strain[:, 0]).to(cell.dtype)
+    expected = cell.tangent(increment, state)
+    for one, other in zip(found.tangent(increment, state), expected, strict=True):
+        close(cell, one, other)
+
+
+def test_a_plain_wrapper_changes_no_bit() -> None:
+    cell = learnt()
+    increments, start = probe_increments(cell.order, POINTS), default_start(cell)
+    strain = increments.cumsum(dim=1)
+    for kind in (CellWrapper, TimedCell):
+        found = kind(cell).rollout(strain, start).stress
+        assert torch.equal(found, cell.rollout(strain, start).stress)
+
+
+def test_a_wrapped_cam_clay_stays_pressure_dependent(wrapper: type[CellWrapper]) -> None:
+    cell = ModifiedCamClay()
+    problem = find_problem("biaxial")
+    found = CellWrapper(wrapped_by(wrapper, cell))
+    assert found.pressure_dependent
+    assert problem.confined_for(found) == problem.confined_for(cell)
+    assert problem.confined_for(found).initial_pressure > 0.0
+
+
+def test_conditioning_that_a_cell_does_itself_is_forwarded() -> None:
+    class Own(Persistence):
+        def condition(self, history: History) -> torch.Tensor:
+            return super().condition(history) + 1.0
+
+    record = record_of("persistence", cell_of("persistence"))
+    found = CellWrapper(Own())
+    assert torch.equal(found.condition(record), Own().condition(record))
+
+
+def test_a_timed_cell_counts_its_calls_up_to_the_limit() -> None:
+    cell = TimedCell(Persistence(), limit=2)
+    state = cell.initial_state(Conditions(torch.full((1, 3), 1e5, dtype=torch.float64)))
+    for _ in range(2):
+        cell.step(torch.zeros_like(state), state)
+    assert cell.calls == 2 and cell.seconds >= 0.0
+    with pytest.raises(AnalysisError, match="persistence"):
+        cell.tangent(torch.zeros_like(state), state)
+
+
+def test_a_new_wrapper_needs_no_more_than_a_cell() -> None:
+    for kind in WRAPPERS:
+        required = [
+            name
+            for name, parameter in inspect.signature(kind).parameters.items()
+            if parameter.default is parameter.empty
+        ]
+        assert required == ["cell"] or kind in ARGUMENTS, kind.__name__
