@@ -91,8 +91,8 @@ def export(candidate: FoundModel, folder: Path, name: str) -> ModelReference:
 def _require_own(baseline: str) -> None:
     if not BASELINES.own(baseline):
         raise SubmissionError(
-            f"{baseline!r} is not a baseline of GranBench itself, and no other code is run; keep its "
-            "predictions"
+            f"{baseline!r} is not a baseline of GranBench itself, and no other code is run; keep "
+            "its predictions"
         )
 
 
