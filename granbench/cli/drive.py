@@ -13,6 +13,17 @@ from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import print_json, say
 from granbench.cli.progress import progress_bar, progress_notes, shows_bar
+from granbench.cli.shared_options import (
+    MODEL_HELP,
+    InitialScalars,
+    InitialVoidRatio,
+    Json,
+    OverconsolidationRatio,
+    ParameterSet,
+    Params,
+    Plot,
+    Quiet,
+)
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -28,10 +39,7 @@ MOST_STEPS = 1_000_000
 def drive(
     model: Annotated[
         str,
-        typer.Argument(
-            help="Classical model such as j2 or its parameter file, baseline, folder of a trained "
-            "model, or package.module:factory of a cell."
-        ),
+        typer.Argument(help=MODEL_HELP),
     ],
     out: Annotated[Path, typer.Option("--out", help="CSV or netCDF (.nc) file to write.")],
     path: Annotated[
@@ -58,28 +66,17 @@ def drive(
     b: Annotated[
         float | None, typer.Option("--b", help="Intermediate stress ratio of a triaxial test; 0.")
     ] = None,
-    params: Annotated[
-        Path | None, typer.Option("--params", help="Parameters (JSON), as from `granbench fit`.")
-    ] = None,
-    parameter_set: Annotated[
-        str | None, typer.Option("--set", help="Published parameters of a classical model.")
-    ] = None,
+    params: Params = None,
+    parameter_set: ParameterSet = None,
     p0: Annotated[
         str | None,
         typer.Option(
             "--p0", metavar="PA", help="Isotropic stress at the start, as 1e5 or 100kPa; 1e5."
         ),
     ] = None,
-    ocr: Annotated[
-        float | None, typer.Option("--ocr", help="Overconsolidation ratio at the start.")
-    ] = None,
-    e0: Annotated[float | None, typer.Option("--e0", help="Void ratio at the start.")] = None,
-    start: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--start", metavar="NAME=VALUE", help="Other start value, as grading_index=1.06."
-        ),
-    ] = None,
+    ocr: OverconsolidationRatio = None,
+    e0: InitialVoidRatio = None,
+    start: InitialScalars = None,
     order: Annotated[
         str | None,
         typer.Option("--order", help="Components of a classical model: principal, plane or full."),
@@ -95,13 +92,9 @@ def drive(
         float,
         typer.Option("--patience", min=0.01, max=1e6, help="Factor on the permitted work."),
     ] = 1.0,
-    plot: Annotated[
-        Path | None, typer.Option("--plot", help="Picture to draw as well (.png, .pdf or .svg).")
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print JSON instead of a sentence.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
+    plot: Plot = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Drive a model along a path, or through a standard test, and write its stresses."""
     from granbench.element_test.driving import WorkLimitError

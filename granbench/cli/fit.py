@@ -40,7 +40,7 @@ RECORDS = "tests.nc"
 
 
 def fit(
-    model: Annotated[str, typer.Argument(help="Classical model, such as j2 or csuh.")],
+    model: Annotated[str, typer.Argument(help="Classical model: {models}.")],
     data: Annotated[
         list[str],
         typer.Option(

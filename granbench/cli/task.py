@@ -6,6 +6,7 @@ import typer
 from rich.table import Table
 
 from granbench.cli.printing import print_json, say, show
+from granbench.cli.shared_options import Json
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -14,8 +15,6 @@ if TYPE_CHECKING:
     from granbench.benchmark.task_summary import SplitSize
 
 app = typer.Typer(help="Tasks: list and describe what models are scored on.", no_args_is_help=True)
-
-Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
 
 @app.command("list")

@@ -15,7 +15,7 @@ from granbench.plotting.style import figure_grid, house_style, model_styles
 from granbench.tensors import principal_difference
 
 SHADES = "cividis"
-"""Its lightness rises evenly: it reads in grey."""
+"""Colour map whose lightness rises evenly, readable in grey."""
 
 SLENDER = 0.3
 """Width over height below which only the middle gets a tick."""

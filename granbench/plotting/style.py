@@ -93,7 +93,7 @@ of the benchmark fall on eight places."""
 
 @dataclass(frozen=True)
 class ModelStyle:
-    """How one model is drawn on every page.
+    """Style of one model on every page.
 
     Parameters
     ----------

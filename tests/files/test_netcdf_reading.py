@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from granbench.benchmark.axes.along_paths.predict import labelled
 from granbench.benchmark.predictions import assemble, evaluated, open_predictions, write_predictions
 from granbench.errors import DatasetError, SubmissionError
 from granbench.files.netcdf_reading import open_netcdf
@@ -168,9 +169,8 @@ def small_predictions(records: xr.Dataset) -> xr.Dataset:
     scored = evaluated(records)
     shape = (2, 1, scored.sizes["path"], scored.sizes["step"], 3)
     return assemble(
-        {"stress": np.ones(shape)},
+        [labelled({"stress": np.ones(shape)}, ["rollout"])],
         dataset=scored,
         seeds=(0, 1),
-        protocols=("rollout",),
         attrs={"physics_not_applicable": "{}"},
     )

@@ -66,7 +66,7 @@ _FRICTION_8_DEGREES = 6.0 * math.sin(math.radians(8.0)) / (3.0 - math.sin(math.r
 
 
 class CSUH(ClassicalCell):
-    """See the module.
+    """Critical-state unified hardening; see the module for its equations.
 
     Attributes
     ----------
@@ -157,7 +157,7 @@ class CSUH(ClassicalCell):
         if swelling >= slope:
             raise ModelError(
                 f"{self.name}: swelling_slope (kappa) is {swelling:g} but must lie below "
-                f"compression_slope (lambda), {slope:g}; mend one of them"
+                f"compression_slope (lambda), {slope:g}; correct one of them"
             )
         self._increment = Increment(self.rows, Flags(self.lode_dependent, self.state_dependent))
 
