@@ -104,7 +104,7 @@ class GaussPoints:
             raise ConfigurationError(
                 f"{cell.name} has {cell.component_count} {cell.order} components "
                 f"({', '.join(COMPONENT_ORDERS[cell.order])}), but plane strain needs "
-                f"{', '.join(COMPONENT_ORDERS[ORDER])}; make the model in the plane order"
+                f"{', '.join(COMPONENT_ORDERS[ORDER])}; make the model with order={ORDER!r}"
             )
         self.cell, self.positions = cell, positions
         self._linearised: MaterialCell | None = None
