@@ -207,12 +207,24 @@ Found = dict[tuple[str, str, str], Score]
 """Scores by protocol, group and metric."""
 
 
-def found_scores(model: ModelView, names: Sequence[str], split: str) -> Found:
-    """Scores of some axes and one split that were run, by protocol, group and metric."""
+def found_scores(
+    model: ModelView, names: Sequence[str], split: str, *, with_left_out: bool = False
+) -> Found:
+    """Scores of some axes and one split, by protocol, group and metric.
+
+    Parameters
+    ----------
+    model : with its scores
+    names : of the axes
+    split : one of the records, or "all"
+    with_left_out : whether scores of axes that were not run are among them
+    """
     return {
         (score.protocol, score.group, score.metric): score
         for score in model.scores
-        if score.axis in names and score.split == split and score.status != "not_run"
+        if score.axis in names
+        and score.split == split
+        and (with_left_out or score.status != "not_run")
     }
 
 

@@ -169,7 +169,7 @@ def test_the_ceiling_may_be_the_truth(submission_file, sealed):
 
 
 def test_reading_the_records_is_believed_of_the_records_alone(recomposed, sealed):
-    with pytest.raises(SubmissionError, match="only a ceiling"):
+    with pytest.raises(SubmissionError, match="reads_records"):
         recomposed("oracle", one_value_off)
 
 
