@@ -1,10 +1,14 @@
 """A new metric is one object in one file, and one entry point."""
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
 from plug_in import granbench, install, scores
+
+from granbench.benchmark.registry import plugged_in_metrics
+from granbench.errors import GranbenchError
 
 METRIC = '''
 """How far off is the stress at the end of a path?"""
@@ -58,8 +62,12 @@ def test_a_metric_of_another_package_is_scored_shown_and_validated(tmp_path: Pat
         (("TOY = Metric", "OTHER = Metric"), "toy_metric"),
     ],
 )
-def test_a_metric_that_cannot_be_used_is_named(tmp_path: Path, change, named: str) -> None:
+def test_a_metric_that_cannot_be_used_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change, named: str
+) -> None:
     install(tmp_path, "toy_metric", METRIC.replace(*change), "granbench.metrics")
-    words = ("evaluate", "persistence", "--task", "dem-triaxial-mini", "--axis", "rollout")
-    with pytest.raises(AssertionError, match=named):
-        granbench(tmp_path, *words, "--out", "toy.json")
+    monkeypatch.syspath_prepend(tmp_path)
+    plugged_in_metrics.cache_clear()
+    with pytest.raises(GranbenchError, match=named):
+        plugged_in_metrics()
+    sys.modules.pop("toy_metric", None)
