@@ -22,12 +22,8 @@ from granbench.benchmark.presentation import (
     Section,
     TextTable,
     found_scores,
-    number,
-    of_seeds,
-    rendered,
-    written,
-    written_interval,
 )
+from granbench.benchmark.score_text import number, of_seeds, rendered, written, written_interval
 from granbench.benchmark.scorecard import ALL, Score
 from granbench.benchmark.standard_tables import plugged_in_definitions
 
