@@ -11,8 +11,8 @@ from pathlib import Path
 from page_parts import table, with_part
 
 from granbench.benchmark.axis import Highlight
-from granbench.benchmark.presentation import number, share
 from granbench.benchmark.registry import axes, headline_axis
+from granbench.benchmark.score_text import number, share
 from granbench.benchmark.scorecard import ALL, Score
 from granbench.leaderboard.board import accepted, default_folder
 from granbench.leaderboard.reference import replicate_scatters

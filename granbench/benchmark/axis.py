@@ -12,13 +12,12 @@ of `Axis.predict`.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import xarray as xr
 
-from granbench.benchmark.bootstrap import Resampling
+from granbench.benchmark.axis_parts import Group, Highlight, Part, PathSample, Stored
 from granbench.benchmark.metric import Metric, NotApplicable
 from granbench.benchmark.presentation import BoardView, ModelView, Section, TextTable
 from granbench.benchmark.scorecard import ALL, Curve, Score, rounded
@@ -30,100 +29,7 @@ if TYPE_CHECKING:
 
 ENTRY_POINTS = "granbench.axes"
 
-
-@dataclass(frozen=True)
-class Stored:
-    """A variable of the predictions file.
-
-    Parameters
-    ----------
-    dims : names of its dimensions
-    units : SI
-    long_name : what it is
-    exact : whether it is kept as it is, not rounded to `predictions.KEEP_BITS`
-    """
-
-    dims: tuple[str, ...]
-    units: str
-    long_name: str
-    exact: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class Part:
-    """A part of an axis that has scores of its own: a protocol, a check, a solver.
-
-    Parameters
-    ----------
-    name : label in the files (`Score.protocol`)
-    axis : name of the axis (`Score.axis`)
-    title : for people
-    definition : in one sentence; "" where the title says it
-    limit : largest value that passes; None where there is none
-    seeded : whether the seed of a deterministic model changes its result, as that of noise does
-    """
-
-    name: str
-    axis: str
-    title: str
-    definition: str = ""
-    limit: float | None = None
-    seeded: bool = False
-
-
-@dataclass(frozen=True)
-class Group:
-    """The paths (or analyses) that a score is made from.
-
-    Parameters
-    ----------
-    split, name : as `split` and `group` of `Score`
-    n : how many
-    rows : their positions in a statistic
-    resampling : of them, by specimen; None: no interval
-    """
-
-    split: str
-    name: str
-    n: int
-    rows: Sequence[int] | np.ndarray
-    resampling: Resampling | None = None
-
-
-class PathSample(Protocol):
-    """Predicted and true stress of whole paths: the samples of the axis with the headline."""
-
-    @property
-    def predicted(self) -> np.ndarray:
-        """(seed, path, step, component), Pa; NaN after a breakdown."""
-
-    @property
-    def true(self) -> np.ndarray:
-        """(path, step, component), Pa."""
-
-    @property
-    def truths(self) -> list[np.ndarray]:
-        """The true stress, and others that predictions are compared with."""
-
-    @property
-    def stress_scale(self) -> np.ndarray:
-        """(component,), training standard deviation, Pa."""
-
-
-@dataclass(frozen=True)
-class Highlight:
-    """A score that is shown where there is room for few.
-
-    Parameters
-    ----------
-    protocol, split, metric : which score
-    title : of its column
-    """
-
-    protocol: str
-    split: str
-    metric: str
-    title: str
+__all__ = ["ENTRY_POINTS", "Axis", "Group", "Highlight", "Part", "PathSample", "Stored"]
 
 
 class Axis(ABC):

@@ -6,13 +6,16 @@ A package registers an axis under the entry-point group `granbench.axes`, and a 
 
 from collections.abc import Iterable, Sequence
 from functools import cache
-from importlib.metadata import entry_points
 
-from granbench.benchmark.axis import ENTRY_POINTS as AXES
+from granbench.benchmark.axis import ENTRY_POINTS as AXIS_GROUP
 from granbench.benchmark.axis import Axis, Part, Stored
-from granbench.benchmark.metric import ENTRY_POINTS as METRICS
+from granbench.benchmark.metric import ENTRY_POINTS as METRIC_GROUP
 from granbench.benchmark.metric import Metric
 from granbench.errors import ConfigurationError
+from granbench.registration import Registry
+
+AXES: Registry[Axis] = Registry(AXIS_GROUP, "axis")
+METRICS: Registry[Metric] = Registry(METRIC_GROUP, "metric")
 
 
 @cache
@@ -25,18 +28,16 @@ def axes() -> tuple[Axis, ...]:
         If there is none, what is registered is not an axis, or two axes share a name.
     """
     found: list[Axis] = []
-    for point in entry_points(group=AXES):
-        axis = point.load()
+    for name, axis in AXES.items():
         if not isinstance(axis, Axis):
             raise ConfigurationError(
-                f"entry point {point.name!r} of {AXES} must be an Axis, not a "
+                f"entry point {name!r} of {AXIS_GROUP} must be an Axis, not a "
                 f"{type(axis).__name__}; correct the package that registers it"
             )
-        if axis not in found:
-            found.append(axis)
+        found.append(axis)
     if not found:
         raise ConfigurationError(
-            f"no axis is registered under the entry points {AXES}; install granbench again"
+            f"no axis is registered under the entry points {AXIS_GROUP}; install granbench again"
         )
     names = [name for axis in found for name in axis.names]
     if twice := [name for name in names if names.count(name) > 1]:
@@ -57,19 +58,16 @@ def plugged_in_metrics() -> tuple[Metric, ...]:
     """
     found: list[Metric] = []
     known = {axis.name: axis for axis in axes()}
-    for point in sorted(entry_points(group=METRICS), key=lambda point: point.name):
-        metric = point.load()
+    for name, metric in METRICS.items():
         if not isinstance(metric, Metric):
             raise ConfigurationError(
-                f"entry point {point.name!r} of {METRICS} must be a Metric, not a "
+                f"entry point {name!r} of {METRIC_GROUP} must be a Metric, not a "
                 f"{type(metric).__name__}; correct the package that registers it"
             )
         if metric.axis not in known:
             raise ConfigurationError(
                 f"metric {metric.name!r}: axis is {metric.axis!r}; use one of {', '.join(known)}"
             )
-        if metric in found:
-            continue
         others = (*known[metric.axis].own_metrics, *found)
         if any(other.name == metric.name and other.axis == metric.axis for other in others):
             raise ConfigurationError(
@@ -83,12 +81,7 @@ def plugged_in_metrics() -> tuple[Metric, ...]:
 @cache
 def plugged_in_axes() -> frozenset[str]:
     """Names of the axes that other packages register."""
-    return frozenset(
-        name
-        for point in entry_points(group=AXES)
-        if point.dist is None or point.dist.name != "granbench"
-        for name in point.load().names
-    )
+    return frozenset(name for point in AXES if not AXES.own(point) for name in AXES[point].names)
 
 
 def axis_names() -> tuple[str, ...]:

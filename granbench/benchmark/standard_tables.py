@@ -11,11 +11,9 @@ from granbench.benchmark.presentation import (
     ModelView,
     Section,
     TextTable,
-    cell,
     found_scores,
-    written,
-    written_interval,
 )
+from granbench.benchmark.score_text import cell, written, written_interval
 from granbench.benchmark.scorecard import ALL
 from granbench.benchmark.section_file import metrics_table
 

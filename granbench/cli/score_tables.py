@@ -10,8 +10,9 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from granbench.benchmark.presentation import TextTable, found_scores, written
+from granbench.benchmark.presentation import TextTable, found_scores
 from granbench.benchmark.registry import axes
+from granbench.benchmark.score_text import written
 from granbench.benchmark.scorecard import ALL
 
 if TYPE_CHECKING:

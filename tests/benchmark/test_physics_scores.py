@@ -1,4 +1,4 @@
-"""From responses to checks, made by hand, to violations and scores; and the cost axis."""
+"""From responses to checks, made by hand, to violations and scores."""
 
 import json
 from collections.abc import Callable
@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from granbench.benchmark.axes.cost.metrics import METRICS as COST_METRICS
 from granbench.benchmark.axes.physics.checks import (
     CHECKED_STRAIN,
     CHECKS,
@@ -220,44 +219,3 @@ def test_a_ground_truth_may_not_be_left_out(noised, truth, normalisation):
         "noise-0.2", "test", "recomputed_mse_mean"
     )
     assert found.status == "not_applicable" and "from the records" in found.reason
-
-
-def costs(truth: xr.Dataset, **variables: object) -> xr.Dataset:
-    given = xr.Dataset(variables, {"points": [100, 10_000]})
-    return assemble([given], dataset=truth, seeds=SEEDS, attrs={})
-
-
-def test_cost_is_averaged_over_seeds_and_compared_with_the_truth(truth, normalisation):
-    seconds = np.array([[2e-6, 2e-7], [2e-6, 2e-7], [5e-6, 5e-7]])
-    predictions = costs(
-        truth,
-        parameters=("seed", [1_234_567.0] * 3),
-        training_seconds=("seed", [60.0, 120.0, 180.0]),
-        update_seconds=(("seed", "points"), seconds),
-        truth_update_seconds=(("seed", "points"), seconds / 4.0),
-    )
-    card = score(predictions, with_truth(truth), normalisation)
-    found = {metric.name: card.find("cost", "all", metric.name) for metric in COST_METRICS}
-    assert found["parameters"].value == 1_234_567.0  # counted, not rounded
-    assert found["training_seconds"].value == pytest.approx(120.0, rel=1e-4)
-    assert found["update_seconds_100"].value == pytest.approx(3e-6, rel=1e-4)
-    assert found["update_seconds_10000"].unit == "s"
-    assert found["update_ratio_10000"].value == pytest.approx(4.0, rel=1e-4)
-    assert not card.perfect  # nothing is known of its errors
-
-
-def test_what_is_not_known_of_cost_has_a_reason(truth, normalisation):
-    predictions = costs(
-        truth,
-        parameters=("seed", [3.0] * 3),
-        training_seconds=("seed", [1.0, np.nan, 1.0]),
-        update_seconds=(("seed", "points"), np.full((3, 2), np.nan)),
-    )
-    card = score(predictions, truth, normalisation)
-    reasons = {metric.name: card.find("cost", "all", metric.name).reason for metric in COST_METRICS}
-    assert reasons["parameters"] is None
-    assert "not known" in reasons["training_seconds"]
-    assert "broke down" in reasons["update_seconds_100"]
-    assert "no ground-truth cell" in reasons["update_ratio_100"]
-    left_out = score(predictions.drop_vars(["parameters"]), truth, normalisation)
-    assert left_out.find("cost", "all", "parameters").status == "not_run"

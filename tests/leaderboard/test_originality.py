@@ -170,7 +170,7 @@ def test_the_ceiling_may_be_the_truth(submission_file, sealed):
 
 
 def test_only_the_records_themselves_count_as_read_from_the_records(recomposed, sealed):
-    with pytest.raises(SubmissionError, match="ceiling"):
+    with pytest.raises(SubmissionError, match="reads_records"):
         recomposed("oracle", one_value_off)
 
 

@@ -22,12 +22,8 @@ from granbench.benchmark.presentation import (
     Section,
     TextTable,
     found_scores,
-    number,
-    of_seeds,
-    rendered,
-    written,
-    written_interval,
 )
+from granbench.benchmark.score_text import number, of_seeds, rendered, written, written_interval
 from granbench.benchmark.scorecard import ALL, Score
 from granbench.benchmark.standard_tables import plugged_in_definitions
 
@@ -86,7 +82,10 @@ def _seeds(model: ModelView) -> str:
 def board_sections(axis: Axis, board: BoardView) -> Iterator[Section]:
     """Scores by protocol, errors against horizon, and scores by loading family."""
     found = {
-        split: {model.name: found_scores(model, axis.names, split) for model in board.models}
+        split: {
+            model.name: found_scores(model, axis.names, split, with_left_out=True)
+            for model in board.models
+        }
         for split in board.splits
     }
     shown = _metrics_shown(axis, board)
@@ -218,7 +217,8 @@ def _cell(score: Score | None, metric: Metric) -> Cell:
     if score is None:
         return Cell(Markup("–"), note="no such score")
     if score.value is None:
-        return Cell(Markup("n/a"), note=score.reason or "")
+        text = "n/a" if score.status == "not_applicable" else "not run"
+        return Cell(Markup(text), note=score.reason or "")
     interval: Markup | str = ""
     if score.low is not None and score.high is not None and score.high > score.low:
         interval = _interval(score.low, score.value, score.high, metric)

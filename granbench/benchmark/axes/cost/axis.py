@@ -25,10 +25,9 @@ from granbench.benchmark.presentation import (
     ModelView,
     Section,
     TextTable,
-    cell,
     found_scores,
-    written,
 )
+from granbench.benchmark.score_text import cell, written
 from granbench.benchmark.scorecard import ALL
 from granbench.benchmark.scored_records import ScoredPredictions
 from granbench.benchmark.section_file import section_file

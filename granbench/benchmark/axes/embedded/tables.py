@@ -18,11 +18,9 @@ from granbench.benchmark.presentation import (
     ModelView,
     Section,
     TextTable,
-    cell,
     found_scores,
-    share,
-    written,
 )
+from granbench.benchmark.score_text import cell, share, written
 from granbench.benchmark.scorecard import ALL, Score
 
 

@@ -9,7 +9,6 @@ from granbench.benchmark.axes.physics.metrics import KINK_SHARE, VIOLATED_SHARE,
 from granbench.benchmark.axis import Axis
 from granbench.benchmark.metric import Metric
 from granbench.benchmark.presentation import (
-    LEFT_OUT,
     Block,
     BoardView,
     Cell,
@@ -19,12 +18,9 @@ from granbench.benchmark.presentation import (
     ModelView,
     Section,
     TextTable,
-    cell,
     found_scores,
-    number,
-    share,
-    written,
 )
+from granbench.benchmark.score_text import LEFT_OUT, cell, number, share, written
 from granbench.benchmark.scorecard import ALL
 from granbench.benchmark.standard_tables import plugged_in_definitions
 from granbench.data.markdown import table

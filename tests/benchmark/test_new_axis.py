@@ -1,0 +1,101 @@
+"""A new axis is one folder, here of one module, and one entry point."""
+
+import json
+from pathlib import Path
+
+from plug_in import granbench, install, scores
+
+AXIS = '''
+"""Does the stress stay where it is while nothing happens?"""
+
+import numpy as np
+import xarray as xr
+
+from granbench.benchmark.axis import Axis, Group, Part, Stored
+from granbench.benchmark.bootstrap import Resampling
+from granbench.benchmark.metric import WORST, Metric, Statistic
+from granbench.benchmark.scorecard import ALL
+
+DRIFT = Statistic("drift", lambda drift: drift)
+ABOUT = "change of stress over ten increments of zero, in training standard deviations"
+
+
+class Toy(Axis):
+    """Ten increments of zero from the start of every path."""
+
+    name = "toy"
+    title = "Rest"
+    parts = (Part(name="toy", axis="toy", title="Rest"),)
+    own_metrics = (
+        Metric(name="drift_mean", axis="toy", title="Drift", definition=ABOUT, statistic=DRIFT),
+        Metric(name="drift_worst", axis="toy", title="Drift, worst path", definition=ABOUT,
+               statistic=DRIFT, aggregation=WORST),
+    )
+    layout = {"toy_drift": Stored(("seed", "path", "component"), "Pa", "drift of the stress")}
+
+    def predict(self, run):
+        import torch  # scoring needs no torch, so only a prediction imports it
+
+        from granbench.data.adapters import conditions_of
+
+        def drift(cell):
+            start = conditions_of(run.records, dtype=cell.dtype)
+            state = cell.initial_state(start)
+            for _ in range(10):
+                stress, state = cell.step(torch.zeros_like(start.stress), state)
+            change = (stress - start.stress).numpy()
+            return xr.Dataset({"toy_drift": (("path", "component"), change)})
+
+        return run.for_each_cell("toy", drift)
+
+    def was_run(self, predictions, part):
+        return "toy_drift" in predictions
+
+    def sample(self, scored, part):
+        drift = np.abs(scored.predictions["toy_drift"].values / scored.normalisation.std["stress"])
+        return drift.max(axis=-1)  # (seed, path)
+
+    def places(self, scored, split):
+        rows = np.flatnonzero(scored.records["split"].values == split)
+        if len(rows):
+            resampling = Resampling.by_specimen(scored.records["specimen"].values[rows])
+            yield self.parts[0], Group(split, ALL, len(rows), rows, resampling)
+
+
+TOY = Toy()
+'''
+
+
+def test_an_axis_of_another_package_is_scored_shown_and_validated(tmp_path: Path) -> None:
+    install(tmp_path, "toy_axis", AXIS, "granbench.axes")
+    file = tmp_path / "toy.json"
+    words = ("evaluate", "persistence", "--task", "dem-triaxial-mini", "--axis", "toy")
+    table = granbench(tmp_path, *words, "--out", "toy.json")
+    # In the scorecard,
+    found = scores(file, axis="toy", split="test")
+    assert [score["metric"] for score in found] == ["drift_mean", "drift_worst"]
+    assert [score["value"] for score in found] == [0.0, 0.0]
+    assert {score["status"] for score in scores(file, axis="rollout")} == {"not_run"}
+    # in the terminal,
+    assert "Rest of persistence on dem-triaxial-mini, split test" in " ".join(table.split())
+    assert "Drift, worst path" in table
+    # where the predictions are scored again,
+    checked = json.loads(granbench(tmp_path, "submission", "validate", "toy.json", "--json"))
+    assert checked["valid"] and checked["badge"] == "rescored"
+    # and on the board.
+    (tmp_path / "board").mkdir()
+    granbench(
+        tmp_path, "leaderboard", "build", "--out", "site", "--board", "board", "--with", "toy.json"
+    )
+    page = (tmp_path / "site" / "dem-triaxial-mini-1.0.0.html").read_text()
+    assert "<h2>Rest</h2>" in page and ">Drift, worst path</button>" in page
+    assert "<dt>Drift</dt><dd>change of stress over ten increments of zero" in page
+
+
+def test_a_task_does_not_ask_for_an_axis_of_another_package(tmp_path: Path) -> None:
+    """Without `--axis` the axes of the task are run, so that submissions stay comparable."""
+    install(tmp_path, "toy_axis", AXIS, "granbench.axes")
+    words = ("evaluate", "persistence", "--task", "dem-triaxial-mini", "--quiet")
+    granbench(tmp_path, *words, "--out", "all.json")
+    (toy, *_) = scores(tmp_path / "all.json", axis="toy")
+    assert toy["status"] == "not_applicable"
