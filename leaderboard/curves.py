@@ -1,15 +1,14 @@
-"""Charts of the pages: what an axis shows of its curves, as inline SVG."""
+"""Charts of the pages: the curves of an axis as inline SVG."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from markupsafe import Markup
 
 from granbench.benchmark.presentation import Chart
-from granbench.benchmark.scorecard import Curve
-from granbench.leaderboard.chart import Line, horizon_chart, not_zero, share_chart
-from granbench.plotting.style import LINE_STYLES, ModelStyle, model_styles
+from granbench.leaderboard.chart import horizon_chart, not_zero, share_chart
+from granbench.plotting.error_curves import ErrorLine
+from granbench.plotting.style import model_styles
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,10 @@ def drawn_chart(chart: Chart, names: Sequence[str]) -> DrawnChart:
     names : of all models of the page, which decide the colours
     """
     styles = model_styles(names)
-    lines = [line_of(name, styles[name], curve) for name, curve in chart.curves.items()]
+    lines = [
+        ErrorLine(name, styles[name], curve.horizon, curve.value, curve.low, curve.high)
+        for name, curve in chart.curves.items()
+    ]
     if chart.scale == "decades":
         svg = horizon_chart(lines, chart.label, chart.reference)
     else:
@@ -45,20 +47,3 @@ def drawn_chart(chart: Chart, names: Sequence[str]) -> DrawnChart:
     shown = {line.name for line in not_zero(lines)}
     zero = [line.name for line in lines if line.name not in shown]
     return DrawnChart(chart.title, svg, f"{chart.zero}: {', '.join(zero)}." if zero else "")
-
-
-def line_of(name: str, style: ModelStyle, curve: Curve) -> Line:
-    """A model's curve in its colour and dashes."""
-    dash = DASHES[LINE_STYLES.index(style.linestyle)]
-    return Line(name, style.colour, dash, curve.horizon, curve.value, curve.low, curve.high)
-
-
-def _svg_dash(style: object) -> str:
-    named = {"-": "", "--": "6 3", "-.": "7 3 1.5 3"}
-    if isinstance(style, str):
-        return named[style]
-    pattern = re.findall(r"\d+", str(style))[1:]
-    return " ".join(str(2 * int(length)) for length in pattern)
-
-
-DASHES = tuple(_svg_dash(style) for style in LINE_STYLES)
