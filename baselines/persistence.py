@@ -1,4 +1,4 @@
-"""`persistence`: stress, and void ratio where there is one, stay. The floor of every task."""
+"""`persistence`: stress and void ratio stay constant; a reference line of every task."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +13,7 @@ from granbench.tensors import COMPONENT_ORDERS, component_order
 
 
 class PersistenceCell(MaterialCell):
-    """Stress and void ratio do not change, whatever the strain.
+    """Stress and void ratio do not change with the strain.
 
     Parameters
     ----------

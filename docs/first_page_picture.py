@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from page_parts import write_picture
 
 import granbench.data
-from granbench.element_test.driven_model import ModelChoice
+from granbench.cells.find import find_cells
 from granbench.fem import find_problem, run
 from granbench.leaderboard.board import accepted, default_folder
 from granbench.plotting.style import MODEL_COLOURS, TRUTH, figure_grid, house_style, model_styles
@@ -24,7 +24,11 @@ TESTS = ("constant-p", 5e5, "fractal-1.5")
 """Loading family, mean stress (Pa) and grading of the particle tests that are shown."""
 NETWORKS = ("mlstm", "lstm", "persistence")
 """Rows of the board whose rollouts are shown."""
-INSIDE = {"ime": "truth", "gru-change": "gru-change.model/0"}
+INSIDE = {
+    "ime": "truth",
+    "j2-fitted": "j2-fitted.model/0",
+    "gru-change": "gru-change.model/0",
+}
 """Models in the analysis: the ground truth, and folders of the board on `fem-ime`."""
 CONFINEMENT = 1e5
 """Pa, in the middle of those that `fem-ime` was made with."""
@@ -90,7 +94,8 @@ def _analysis(axis: Axes) -> None:
     styles = model_styles(INSIDE)
     for name, folder in INSIDE.items():
         model = name if folder == "truth" else str(default_folder() / "fem-ime" / folder)
-        found = run(problem, ModelChoice(model).cell("plane"), solver="implicit", mesh="medium")
+        cell = find_cells(model, "gp-j2-mini").cell
+        found = run(problem, cell, solver="implicit", mesh="medium")
         strain = 100.0 * found.dataset["driving_strain"].values
         reaction = found.dataset["reaction"].values / 1e3
         if folder == "truth":

@@ -1,4 +1,4 @@
-"""Charts of the pages: the curves of an axis as inline SVG."""
+"""Charts of the pages: what an axis shows of its curves, as inline SVG."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from granbench.benchmark.presentation import Chart
+from granbench.benchmark.scorecard import Curve
 from granbench.leaderboard.chart import horizon_chart, not_zero, share_chart
 from granbench.plotting.error_curves import ErrorLine
-from granbench.plotting.style import model_styles
+from granbench.plotting.style import ModelStyle, model_styles
 
 
 @dataclass(frozen=True)
@@ -36,10 +37,7 @@ def drawn_chart(chart: Chart, names: Sequence[str]) -> DrawnChart:
     names : of all models of the page, which decide the colours
     """
     styles = model_styles(names)
-    lines = [
-        ErrorLine(name, styles[name], curve.horizon, curve.value, curve.low, curve.high)
-        for name, curve in chart.curves.items()
-    ]
+    lines = [line_of(name, styles[name], curve) for name, curve in chart.curves.items()]
     if chart.scale == "decades":
         svg = horizon_chart(lines, chart.label, chart.reference)
     else:
@@ -47,3 +45,8 @@ def drawn_chart(chart: Chart, names: Sequence[str]) -> DrawnChart:
     shown = {line.name for line in not_zero(lines)}
     zero = [line.name for line in lines if line.name not in shown]
     return DrawnChart(chart.title, svg, f"{chart.zero}: {', '.join(zero)}." if zero else "")
+
+
+def line_of(name: str, style: ModelStyle, curve: Curve) -> ErrorLine:
+    """A model's curve in its colour and line style."""
+    return ErrorLine(name, style, curve.horizon, curve.value, curve.low, curve.high)

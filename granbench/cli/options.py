@@ -2,7 +2,8 @@
 
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,15 @@ def refuse_overwriting(out: Path, option: str, source: Path | None) -> None:
         raise ConfigurationError(
             f"--out {out} is what {option} reads and would be overwritten; write to another file"
         )
+
+
+@contextmanager
+def naming_option(option: str) -> Iterator[None]:
+    """Put an option before what the library says of its value."""
+    try:
+        yield
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{option} {error}") from error
 
 
 def require_writable(option: str, file: Path) -> None:

@@ -55,8 +55,8 @@ def table_rows(
     ------
     GranbenchError
         The given one, naming file and line: a row has another number of cells, there is text
-        between the rows, a second test begins below a repeated heading or a break, or there are too many
-        rows.
+        between the rows, a second test begins below a repeated heading or a break, or there are
+        too many rows.
     """
     count, separator = len(headings.names), headings.separator
     if count * (len(lines) - headings.first_row) > MOST_CELLS:
@@ -110,7 +110,7 @@ def _is_footer(cells: Row, count: int, first: Row) -> bool:
     if kinds[at] != "text":
         return False
     if not any(kind in ("number", "missing", "date", "with unit") for kind in kinds):
-        # Text alone; a column of remarks has numbers beside it.
+        # Only text; a row with a remark has numbers as well.
         return True
     words = str(cells[at]).lower().replace(":", " ").split()
     if words[0] in SUMMARIES:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from granbench.benchmark.axes.along_paths.predict import labelled
 from granbench.benchmark.axes.along_paths.protocols import PROTOCOLS
 from granbench.benchmark.predictions import assemble, evaluated
 from granbench.data.normalisation import Normalisation
@@ -38,9 +39,7 @@ def predicted(truth: xr.Dataset) -> Callable[..., xr.Dataset]:
             internals["void_ratio"] = truth["void_ratio"].values + np.broadcast_to(
                 void_ratio_error, shape[:-1]
             )
-        return assemble(
-            {"stress": stress, **internals}, dataset=truth, seeds=seeds, protocols=protocols,
-            attrs={"model": "by-hand"},
-        )  # fmt: skip
+        part = labelled({"stress": stress, **internals}, list(protocols))
+        return assemble([part], dataset=truth, seeds=seeds, attrs={"model": "by-hand"})
 
     return make

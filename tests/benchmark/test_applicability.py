@@ -9,9 +9,16 @@ from lawless_cells import Elastic, cell
 from small_cells import Persistence
 
 from granbench.baselines.oracle import OracleCell
-from granbench.benchmark.axes.physics.checks import CARRIES_TENSION, CHECKS, NO_TANGENT, PRINCIPAL
+from granbench.benchmark.axes.embedded.axis import EMBEDDED_OBSTACLE
+from granbench.benchmark.axes.physics.checks import (
+    CARRIES_TENSION,
+    CHECKS,
+    NO_TANGENT,
+    PHYSICS_OBSTACLES,
+    PRINCIPAL,
+)
 from granbench.benchmark.evaluation import predict
-from granbench.benchmark.predictions import EMBEDDED_OBSTACLE, PHYSICS_OBSTACLES, evaluated
+from granbench.benchmark.predictions import evaluated
 from granbench.benchmark.scoring import score
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError

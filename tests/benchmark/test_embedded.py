@@ -19,10 +19,11 @@ from embedded_tasks import (
 )
 
 from granbench.benchmark.axes.embedded import predict as module
-from granbench.benchmark.axes.embedded.metrics import EMBEDDED_METRICS
+from granbench.benchmark.axes.embedded.axis import AXIS, EMBEDDED_FAILURES, EMBEDDED_OBSTACLE
 from granbench.benchmark.evaluation import predict
-from granbench.benchmark.predictions import EMBEDDED_FAILURES, EMBEDDED_OBSTACLE, evaluated
+from granbench.benchmark.predictions import evaluated
 from granbench.benchmark.scorecard import Scorecard
+from granbench.benchmark.scored_records import ScoredRecords
 from granbench.benchmark.scoring import score
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.cells.find import find_cells
@@ -45,9 +46,11 @@ def card(predictions: xr.Dataset, records: xr.Dataset) -> Scorecard:
 
 def values(found: Scorecard, solver: str, group: str = "all") -> dict[str, float | None]:
     return {
-        name: found.find(f"embedded-{solver}", "all", name, group).value
-        for name, metric in EMBEDDED_METRICS.items()
-        if solver == "explicit" or not metric.explicit_only
+        metric.name: found.find(part.name, "all", metric.name, group).value
+        for part in AXIS.parts
+        if part.name == f"embedded-{solver}"
+        for metric in AXIS.metrics()
+        if metric.applies_to(part)
     }
 
 
@@ -72,8 +75,8 @@ def test_the_ground_truth_scores_exactly_zero(name: str, confinement: float, out
     found = card(made(find_model(name)(), records), records)
     for solver in SOLVERS:
         of_solver = values(found, solver)
-        for metric in EMBEDDED_METRICS.values():
-            if metric.error:
+        for metric in AXIS.metrics():
+            if metric.of_truth == 0.0:
                 assert of_solver[metric.name] == 0.0, (solver, metric.name)
         assert of_solver["reached_share"] == 1.0
     assert values(found, "explicit")["acceleration_ratio"] == 1.0
@@ -121,7 +124,7 @@ def test_the_time_of_an_analysis_is_that_of_its_fastest_run(monkeypatch) -> None
 
     monkeypatch.setattr(module, "run", counted)
     records = embedding_records(analyses=(SMOOTH,))
-    found = module.embedded(cell(Elastic(0.8)), records, (SMOOTH,))
+    found = module.embedded(cell(Elastic(0.8)), ScoredRecords(records, (SMOOTH,)))
     # Two to warm up, then three each: these take a fraction of a second.
     assert len(runs) == 2 + len(SOLVERS) * 3
     assert (found["embedded_cell_seconds"] < found["embedded_seconds"]).all()

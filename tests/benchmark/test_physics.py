@@ -28,6 +28,7 @@ from granbench.benchmark.axes.physics.checks import (
     CHECKED_PATHS,
     CHECKED_STEPS,
     CHECKS,
+    PHYSICS_OBSTACLES,
     checked_paths,
     checked_steps,
 )
@@ -36,7 +37,7 @@ from granbench.benchmark.axes.physics.symmetry import asymmetry, exchanges, turn
 from granbench.benchmark.axes.physics.tangent import tangent_errors
 from granbench.benchmark.comparison import CEILING
 from granbench.benchmark.evaluation import predict
-from granbench.benchmark.predictions import PHYSICS_OBSTACLES, evaluated
+from granbench.benchmark.predictions import evaluated
 from granbench.benchmark.scorecard import Scorecard
 from granbench.benchmark.scoring import score
 from granbench.cells.contract import Conditions, MaterialCell, ModuleCell, StateLayout

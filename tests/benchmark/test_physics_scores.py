@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from granbench.benchmark.axes.cost.scores import COST_METRICS
+from granbench.benchmark.axes.cost.metrics import METRICS as COST_METRICS
 from granbench.benchmark.axes.physics.checks import (
     CHECKED_STRAIN,
     CHECKS,
+    PHYSICS_OBSTACLES,
     PRINCIPAL,
     STRESS_CHECKS,
     checked_paths,
 )
 from granbench.benchmark.comparison import CEILING
 from granbench.benchmark.predictions import (
-    PHYSICS_OBSTACLES,
     assemble,
     open_predictions,
     write_predictions,
@@ -55,8 +55,7 @@ def responded(truth: xr.Dataset) -> Callable[..., xr.Dataset]:
             {"check": checks, "checked_path": names, "component": truth["component"].values},
             {PHYSICS_OBSTACLES: json.dumps(obstacles)},
         )
-        return assemble({}, dataset=truth, seeds=SEEDS, protocols=(), attrs={"model": "by-hand"},
-                        others=[responses])  # fmt: skip
+        return assemble([responses], dataset=truth, seeds=SEEDS, attrs={"model": "by-hand"})
 
     return make
 
@@ -225,7 +224,7 @@ def test_a_ground_truth_may_not_be_left_out(noised, truth, normalisation):
 
 def costs(truth: xr.Dataset, **variables: object) -> xr.Dataset:
     given = xr.Dataset(variables, {"points": [100, 10_000]})
-    return assemble({}, dataset=truth, seeds=SEEDS, protocols=(), attrs={}, others=[given])
+    return assemble([given], dataset=truth, seeds=SEEDS, attrs={})
 
 
 def test_cost_is_averaged_over_seeds_and_compared_with_the_truth(truth, normalisation):

@@ -6,11 +6,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from granbench.benchmark.axes.along_paths.path_errors import PathErrors
 from granbench.benchmark.axes.along_paths.protocols import PROTOCOLS
-from granbench.benchmark.comparison import CEILING, path_statistics
+from granbench.benchmark.comparison import CEILING
 from granbench.benchmark.metric import METRIC_VERSION
 from granbench.benchmark.predictions import evaluated
-from granbench.benchmark.scoring import score
+from granbench.benchmark.scoring import score, scored_predictions
 from granbench.errors import SubmissionError
 
 
@@ -75,8 +76,9 @@ def test_the_step_of_divergence_is_where_the_path_is_lost_for_good(predicted, tr
     predictions = predicted()
     predictions["stress"][..., 5, :] *= 3.0  # an error point that heals
     predictions["stress"][..., 12:, :] *= 3.0  # lost from step 12 on
-    statistics = path_statistics(predictions, truth, normalisation)
-    assert (statistics["divergence_step"] == 12).all()
+    scored = scored_predictions(predictions, truth, normalisation)
+    for name in ("rollout", "noise-0.5"):
+        assert (PathErrors.of(scored, PROTOCOLS[name]).divergence_step == 12).all()
     card = score(predictions, truth, normalisation)
     step = card.find("rollout", "test", "divergence_step_median")
     assert (step.value, step.unit) == (12.0, "step")
@@ -169,8 +171,9 @@ def test_shear_components_count_twice_in_the_relative_error(predicted, truth, no
     plane_truth["stress"][:] = np.array([3.0, 4.0, 0.0]) * 1e5
     predictions = predicted(protocols=("rollout",)).assign_coords(component=labels)
     predictions["stress"][:] = np.array([3.0, 4.0, 1.0]) * 1e5
-    statistics = path_statistics(predictions, plane_truth, normalisation)
-    assert statistics["relative_error"].values == pytest.approx(2.0**0.5 / 5.0, rel=1e-4)
+    scored = scored_predictions(predictions, plane_truth, normalisation)
+    found = PathErrors.of(scored, PROTOCOLS["rollout"]).relative
+    assert found == pytest.approx(2.0**0.5 / 5.0, rel=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import xarray as xr
 from gp_records import principal_stress, series
 
 from granbench.benchmark.axes.embedded.predict import embedded_truth
+from granbench.benchmark.scored_records import ScoredRecords
 from granbench.benchmark.task_registry import registered_task
 from granbench.data import entry, load, split_hash
 from granbench.data.adapters import conditions_of
@@ -164,7 +165,7 @@ def test_the_embedded_analyses_of_the_task_are_analyses_of_the_records(name: str
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_the_ground_truth_finishes_every_embedded_analysis(name: str) -> None:
-    found = embedded_truth(shipped(name), registered_task(name).analyses)
+    found = embedded_truth(ScoredRecords(shipped(name), registered_task(name).analyses))
     for variable in ("embedded_truth_reaction", "embedded_truth_stress"):
         assert np.isfinite(found[variable].values).all()
     pushed, slow = (found["embedded_truth_reaction"].sel(solver=solver).max("output")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from granbench.benchmark.axes.along_paths.predict import labelled
 from granbench.benchmark.predictions import assemble, evaluated, open_predictions, write_predictions
 from granbench.errors import DatasetError, SubmissionError
 from granbench.files.netcdf_reading import open_netcdf
@@ -36,7 +37,7 @@ def add(*lengths: int, kind: object = "f4", **options: object) -> Change:
 BOMBS: dict[str, tuple[Change, str]] = {
     "terabytes": (add(10**6, 10**6), "declares"),
     "gigabyte": (add(2**28), "declares"),
-    "empty beside endless": (add(10**12, 0), "declares"),
+    "empty and endless": (add(10**12, 0), "declares"),
     "text": (add(10**8, kind=str), "declares"),
     "characters": (add(4 * 10**6, 2, kind="S1"), "declares"),
     "chunk": (add(0, 0, kind="f8", chunksizes=(10_000, 10_000)), "chunks"),
@@ -168,9 +169,8 @@ def small_predictions(records: xr.Dataset) -> xr.Dataset:
     scored = evaluated(records)
     shape = (2, 1, scored.sizes["path"], scored.sizes["step"], 3)
     return assemble(
-        {"stress": np.ones(shape)},
+        [labelled({"stress": np.ones(shape)}, ["rollout"])],
         dataset=scored,
         seeds=(0, 1),
-        protocols=("rollout",),
         attrs={"physics_not_applicable": "{}"},
     )

@@ -115,7 +115,7 @@ SPOILED: dict[str, tuple[Callable[[xr.Dataset], xr.Dataset], str]] = {
     ),
     "an excuse": (
         lambda p: p.assign_attrs(embedded_not_applicable="my model is above that"),
-        "does not apply to a model that computes its answers",
+        "embedded_not_applicable",
     ),
     "no stress": (lambda p: p.drop_vars("embedded_stress"), "lack 'embedded_stress'"),
     "another shape": (

@@ -6,7 +6,7 @@ import pytest
 
 from granbench.benchmark.scorecard import Score, Scorecard
 from granbench.errors import SubmissionError
-from granbench.leaderboard.agreement import RERUN, compare, lost_analyses
+from granbench.leaderboard.agreement import RERUN, compare, lost_results
 from granbench.leaderboard.rows import default_folder
 from granbench.leaderboard.submission import Submission, read_submission
 
@@ -39,7 +39,7 @@ def changed(row: Submission, metric: str, new: Callable[[float], float]) -> Subm
 
 
 def test_what_the_run_gives_is_reproduced(row, card):
-    assert lost_analyses(card.scores)
+    assert lost_results(card.scores)
     assert compare(row, card, "gru.json", RERUN) == ()
 
 

@@ -20,7 +20,7 @@ from granbench.leaderboard.ranking import (
 )
 from granbench.leaderboard.rows import Row
 from granbench.leaderboard.submission import ModelFile, ModelReference, read_submission
-from granbench.leaderboard.tables import main_table
+from granbench.leaderboard.tables import headline_table
 
 
 def scored(value: float, low: float | None = None, high: float | None = None) -> Score:
@@ -42,7 +42,7 @@ def scored(value: float, low: float | None = None, high: float | None = None) ->
 )  # fmt: skip
 def test_overlapping_intervals_share_a_rank(intervals, ranks):
     scores = {name: scored(*interval) for name, interval in intervals.items()}
-    assert list(shared_ranks(scores, "test", "stress_mse_mean", {}).values()) == ranks
+    assert list(shared_ranks(scores, "test", {}).values()) == ranks
 
 
 def errors(value: np.ndarray) -> PathErrors:
@@ -56,12 +56,12 @@ def test_pairs_of_paths_tell_models_apart_whose_intervals_overlap():
     hard = np.logspace(-3, 0, 40)
     paths = {"better": errors(hard), "worse": errors(1.1 * hard)}
     scores = {name: scored(float(one.value.mean()), 0.01, 1.0) for name, one in paths.items()}
-    assert set(shared_ranks(scores, "test", "stress_mse_mean", {}).values()) == {"1="}
-    assert shared_ranks(scores, "test", "stress_mse_mean", paths) == {"better": "1", "worse": "2"}
+    assert set(shared_ranks(scores, "test", {}).values()) == {"1="}
+    assert shared_ranks(scores, "test", paths) == {"better": "1", "worse": "2"}
     shaken = hard * np.random.default_rng(0).choice([0.5, 1.5], len(hard))
     paths["worse"] = errors(shaken)
     scores["worse"] = scored(float(shaken.mean()), 0.01, 1.0)
-    assert set(shared_ranks(scores, "test", "stress_mse_mean", paths).values()) == {"1="}
+    assert set(shared_ranks(scores, "test", paths).values()) == {"1="}
 
 
 def spread(submission, *factors: float):
@@ -92,7 +92,7 @@ def test_few_seeds_never_rank_above_three(claimed):
     assert [is_ranked(one) for one in (three, lucky, two, same)] == [True, False, False, True]
     assert standing(lucky) == "1 seed, not ranked" and standing(two) == "2 seeds, not ranked"
     assert standing(same) == "deterministic" and standing(three) == ""
-    table = main_table([lucky, two, three, same], "test", "stress_mse_mean", None)
+    table = headline_table([lucky, two, three, same], "test")
     assert [row.name for row in table.rows][2:] == ["lucky", "two"]
     assert {row.name: bool(row.rank) for row in table.rows} == {
         "secant": True, "one-answer": True, "lucky": False, "two": False,
