@@ -46,13 +46,13 @@ def component_order(components: Iterable[object]) -> str:
     ConfigurationError
         If no order has these labels.
     """
-    components = tuple(map(str, components))
+    given = tuple(map(str, components))
     for name, labels in COMPONENT_ORDERS.items():
-        if labels == components:
+        if labels == given:
             return name
     known = "; ".join(f"{name}: {', '.join(labels)}" for name, labels in COMPONENT_ORDERS.items())
     raise ConfigurationError(
-        f"components {', '.join(components)} follow no known order; use one of {known}"
+        f"components {', '.join(given)} follow no known order; use one of {known}"
     )
 
 

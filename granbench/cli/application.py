@@ -1,4 +1,4 @@
-"""The `granbench` application: command groups put together, errors said in one sentence.
+"""The `granbench` application: command groups, and errors as one sentence.
 
 The modules of the commands import what is heavy (torch, xarray, matplotlib) inside their
 functions, so that ``granbench --help`` answers at once.

@@ -37,7 +37,7 @@ def refuse_overwriting(out: Path, option: str, source: Path | None) -> None:
 
 @contextmanager
 def naming_option(option: str) -> Iterator[None]:
-    """Put an option before what the library says of its value."""
+    """Put the option's name before an error of the library about its value."""
     try:
         yield
     except ConfigurationError as error:
@@ -75,7 +75,7 @@ def require_folder(option: str, folder: Path) -> None:
 
 
 def default_task() -> str:
-    """The task of a command that names none; a note says so if it is not the usual one."""
+    """The task of a command without --task, with a note if it is not the usual one."""
     from granbench.data.store import DEFAULTS, default_dataset
 
     task = default_dataset()

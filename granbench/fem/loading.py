@@ -1,7 +1,7 @@
 """Loading of a body: prescribed motion, pressures, tractions and weight, in time.
 
 Every prescribed motion follows one driving displacement d(t): that of a platen, a wall, a footing.
-A `Prescribed` says how far its nodes move for a unit of it. The reaction is the force conjugate
+A `Prescribed` gives the motion of its nodes for a unit of it. The reaction is the force conjugate
 to d, so that d times the reaction is the work of the drive.
 """
 

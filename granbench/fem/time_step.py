@@ -103,7 +103,7 @@ class TimeStep:
 
     Parameters
     ----------
-    chosen : s, what was asked for or follows from Eq 5.8
+    chosen : s, from the settings or Eq 5.8
     limit : 2/omega_max, s, of the stiffest element at the start
     """
 

@@ -179,7 +179,7 @@ def test_module_that_raises_is_named_by_its_line_and_the_output_before_it_kept(f
             assert 1 < found.sizes["step"] < 101
 
 
-def test_model_that_is_lost_at_once_leaves_the_start(fem, tmp_path):
+def test_model_that_fails_at_once_leaves_the_start(fem, tmp_path):
     words = ("--cell", "own:nothing", "--out", "a.nc", "--plot", "a.png", "--mesh", "coarse")
     refused(
         fem("biaxial", *words), "at zero strain",
@@ -201,7 +201,7 @@ def test_run_that_ended_early_has_its_series_and_picture(fem, tmp_path):
         index.unlink()
 
 
-def test_elements_that_turn_over_are_said(fem):
+def test_elements_that_turn_over_are_reported(fem):
     # A wall half a body's length into it: the soil folds at the foot of the wall.
     words = ("--cell", "own:hooke", "--solver", "implicit", "--out", "a.nc", "--outputs", 4)
     words = ("retaining-wall", *words, "--mesh", "coarse", "--choose", "end_strain=0.5")
@@ -222,7 +222,7 @@ def test_elements_that_turn_over_are_said(fem):
     assert note.removeprefix("note: ") in found["warnings"]
 
 
-def test_imbalance_at_the_start_is_said(fem):
+def test_imbalance_at_the_start_is_reported(fem):
     words = ("biaxial", "--cell", "own:pressed", "--out", "a.nc", "--outputs", 2, *COARSE)
     code, out, _ = fem(*words, "--choose", "confinement=1e5")
     assert code == 0
@@ -328,7 +328,7 @@ def test_load_path_of_a_file_is_one_load_step_a_row_at_least(fem, tmp_path):
     refused(fem(*words), "as far as 3 m", "as displacement [mm]")
 
 
-def test_volumetric_strains_that_no_soil_has_are_said(fem):
+def test_volumetric_strains_that_no_soil_has_are_reported(fem):
     words = ("biaxial", "--cell", "own:swells", "--out", "a.nc", "--outputs", 4, "--plot", "a.png")
     words = (*words, "--solver", "implicit", "--choose", "ends=smooth", *COARSE)
     code, out, err = fem(*words)

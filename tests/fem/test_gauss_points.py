@@ -200,7 +200,7 @@ def offset_cell(pressure: float) -> ModuleCell:
     ("confinement", "own", "imbalance"),
     [(1e5, 1e5, 0.0), (1e5, 0.995e5, 0.005), (1e5, 0.0, 1.0), (0.0, 2e4, 0.2)],
 )
-def test_imbalance_at_the_start_is_measured_and_said(
+def test_imbalance_at_the_start_is_measured_and_reported(
     solver: str, confinement: float, own: float, imbalance: float
 ) -> None:
     problem = Biaxial(ends="smooth", end_strain=0.002, confinement=confinement)
@@ -238,7 +238,7 @@ def test_imbalance_at_the_start_is_in_the_sentence_of_a_failure() -> None:
 
 
 @pytest.mark.parametrize("lost", [np.nan, np.inf])
-def test_lost_stress_names_point_position_step_and_strain(lost: float) -> None:
+def test_non_finite_stress_names_point_position_step_and_strain(lost: float) -> None:
     points = GaussPoints(breaking_cell(2.5e-3, lost), np.zeros((3, 3)), POSITIONS)
     with pytest.raises(MaterialFailure) as caught:
         points.step(DSTRAIN, 7)

@@ -24,7 +24,7 @@ SAME_PLACE = 1e-8
 FLAT = 1e-6
 """Distance from one plane, over the mesh's extent, that is rounding of the file."""
 FARTHEST = 1e6
-"""Coordinate, m, beyond which rounding spoils what a mesh of some metres says."""
+"""Coordinate, m, beyond which rounding spoils a mesh of some metres."""
 
 
 @dataclass(frozen=True)

@@ -52,14 +52,14 @@ def _read_medit(path: Path) -> MeshContents:
 
 def _of_meshio(path: Path, read: Callable[[str], meshio.Mesh]) -> MeshContents:
     """The mesh that meshio reads; if it finds none, the user sees meshio's message."""
-    said = io.StringIO()
+    printed = io.StringIO()
     try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
             found = read(str(path))
     except MemoryError:
         raise
     except (Exception, SystemExit) as error:
-        words = " ".join(f"{said.getvalue()} {error}".split())[:200]
+        words = " ".join(f"{printed.getvalue()} {error}".split())[:200]
         raise ConfigurationError(
             f"is no {path.suffix} file that meshio reads ({type(error).__name__}: "
             f"{words or 'without a reason'}); write it as .msh, with Gmsh or `meshio convert`"

@@ -24,7 +24,7 @@ def with_boundaries_of(mesh: PlaneMesh, own: PlaneMesh) -> PlaneMesh:
     """The mesh with the boundary names of the problem's own one.
 
     Names are compared without regard to upper and lower case. Where a file names none of the
-    boundaries, they are found by their place, and a note says so.
+    boundaries, they are found by their place, and a note is added.
 
     Parameters
     ----------

@@ -16,9 +16,9 @@ with p and p_s in kPa, p_s = exp((N - Z)/lambda) - 1. The formulas are in
 increment is in `granbench.models.csuh.increment` and its error control in
 `granbench.models.substepping`.
 
-A path starts on its yield surface with H = 0, so that p_x0 = A p0. How dense the material is says
-e0: that of the conditions' `initial_void_ratio`; or else that which follows from an
-overconsolidation ratio, of the conditions or of the parameters,
+A path starts on its yield surface with H = 0, so that p_x0 = A p0. The density is given
+by e0: the conditions' `initial_void_ratio`, or the value that follows from an overconsolidation
+ratio of the conditions or of the parameters,
 
     e0 = e_eta - (lambda - kappa) ln((OCR A p0 + p_s)/(A p0 + p_s)).
 
