@@ -364,9 +364,9 @@ def test_the_page_shows_that_a_model_was_run_again(submission, plane, tmp_path) 
 
 def test_a_page_shows_both_kinds_of_evidence(submission, plane, tmp_path) -> None:
     cell = find_candidate("j2", plane).cell
-    out = tmp_path / "mine.json"
+    out = tmp_path / "told.json"
     predictions = predict(dict.fromkeys(SEEDS, cell), evaluated(plane), AXES)
-    compose(predictions, plane, about("mine"), out)
+    compose(predictions, plane, about("told"), out)
     rows = [Row(read_submission(file), file) for file in (out, submission("persistence"))]
     build(rows, tmp_path / "site")
     (page,) = (tmp_path / "site").glob("gp-j2-*.html")
