@@ -127,7 +127,7 @@ def _sentences(file: Path, examination: "Examination") -> Iterator[str]:
 
 
 def board_or_default(board: Path | None) -> Path | None:
-    """The board's folder; that of the checkout by default, None where there is none."""
+    """The board's folder; that of the checkout by default; None without a checkout."""
     from granbench.leaderboard.rows import default_folder
 
     if board is not None:
