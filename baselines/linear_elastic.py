@@ -15,6 +15,7 @@ from granbench.errors import ModelError
 from granbench.tensors import (
     COMPONENT_ORDERS,
     component_order,
+    contraction_weights,
     mean_stress,
     normal_mask,
     volumetric_strain,
@@ -99,7 +100,7 @@ def fitted_moduli(
     dstrain, dstress = np.diff(strain, axis=1), np.diff(stress, axis=1)
     volumetric, pressure = volumetric_strain(dstrain, order), mean_stress(dstress, order)
     normal = np.array(normal_mask(order))
-    count = 2.0 - normal  # occurrences in the tensor: a shear component occurs twice
+    count = np.array(contraction_weights(order))
     deviatoric_strain = dstrain - normal * (volumetric[..., None] / normal.sum())
     deviatoric_stress = dstress - normal * pressure[..., None]
     squares = np.sum(volumetric**2), np.sum(count * deviatoric_strain**2)
@@ -128,7 +129,7 @@ class LinearElasticBaseline:
 
     def load(self, folder: Path | None, records: xr.Dataset) -> MaterialCell:
         """See `granbench.cells.baseline.Baseline.load`."""
-        order = component_order(tuple(map(str, records["component"].values)))
+        order = component_order(records["component"].values)
         training = select_split(records, "train")
         strain, stress = (training[name].values.astype(np.float64) for name in ("strain", "stress"))
         return LinearElasticCell(

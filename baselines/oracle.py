@@ -32,7 +32,7 @@ class OracleCell(MaterialCell):
     reads_records = True
 
     def __init__(self, records: xr.Dataset) -> None:
-        self.order = component_order(tuple(map(str, records["component"].values)))
+        self.order = component_order(records["component"].values)
         self.internals = tuple(name for name in INTERNALS if name in records)
         components = len(COMPONENT_ORDERS[self.order])
         widths = {"stress": components, **dict.fromkeys(self.internals, 1)}

@@ -52,7 +52,7 @@ class PersistenceBaseline:
 
     def load(self, folder: Path | None, records: xr.Dataset) -> MaterialCell:
         """See `granbench.cells.baseline.Baseline.load`."""
-        order = component_order(tuple(map(str, records["component"].values)))
+        order = component_order(records["component"].values)
         return PersistenceCell(order, has_void_ratio="void_ratio" in records)
 
 
