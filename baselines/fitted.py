@@ -65,15 +65,14 @@ class FittedBaseline:
 
     Parameters
     ----------
-    name, title : see there
-    model : in the catalogue of classical models
+    name, title, floor : see there
+    classical_model : its name in the catalogue of classical models
     settings : recipe by preset, the default first
-    floor : whether it is a reference line for networks rather than a ranked model
     """
 
     name: str
     title: str
-    model: str
+    classical_model: str
     settings: dict[str, FittingRecipe]
     floor: bool = True
 
@@ -107,7 +106,7 @@ class FittedBaseline:
             return request.out
         began = time.monotonic()
         order = component_order(records["component"].values)
-        cell = find_model(self.model)(order=order)
+        cell = find_model(self.classical_model)(order=order)
         space = ParameterSpace.of(searching_cell(cell))
         training, validation = (
             LeastSquares(
@@ -148,7 +147,7 @@ class FittedBaseline:
         write_parameters(cell.copy_with(values), request.out / PARAMETERS_FILE, about)
         description = ModelDescription(
             baseline=self.name,
-            configuration={"model": self.model},
+            configuration={"model": self.classical_model},
             parameters=len(values),
             training=about,
         )
@@ -182,8 +181,8 @@ class FittedBaseline:
         if description.baseline != self.name:
             raise ModelError(f"{folder}: holds a {description.baseline!r}, not a {self.name!r}")
         order = component_order(records["component"].values)
-        if description.configuration != {"model": self.model}:
-            raise ModelError(f"{folder}: its configuration is not that of {self.model!r}")
+        if description.configuration != {"model": self.classical_model}:
+            raise ModelError(f"{folder}: its configuration is not that of {self.classical_model!r}")
         if several := [name for name, value in weights.items() if value.numel() != 1]:
             raise ModelError(
                 f"{folder}: parameter {several[0]!r} has {weights[several[0]].numel()} values, not "
@@ -191,7 +190,7 @@ class FittedBaseline:
             )
         values = {name: float(value) for name, value in weights.items()}
         try:
-            return find_model(self.model)(values, order=order)
+            return find_model(self.classical_model)(values, order=order)
         except ModelError as error:
             raise ModelError(f"{folder}: {error}") from error
 

@@ -120,6 +120,8 @@ class LinearElasticBaseline:
     name = "linear-elastic"
     title = "Linear elasticity, K and G fitted to the training increments"
     presets: Sequence[str] = ()
+    floor = True
+    classical_model = None
 
     def train(self, request: TrainingRequest) -> Path:
         """There is nothing to train."""

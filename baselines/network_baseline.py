@@ -49,6 +49,8 @@ class NetworkBaseline(abc.ABC, Generic[ConfigurationT, NetworkT]):
     name: str
     title: str
     settings: Mapping[str, tuple[ConfigurationT, Recipe]]
+    floor = False
+    classical_model = None
 
     @property
     def presets(self) -> tuple[str, ...]:

@@ -77,6 +77,8 @@ class OracleBaseline:
     name = "oracle"
     title = "Oracle: the truth itself"
     presets: Sequence[str] = ()
+    floor = True
+    classical_model = None
 
     def train(self, request: TrainingRequest) -> Path:
         """There is nothing to train."""

@@ -45,6 +45,8 @@ class PersistenceBaseline:
     name = "persistence"
     title = "Persistence: nothing changes"
     presets: Sequence[str] = ()
+    floor = True
+    classical_model = None
 
     def train(self, request: TrainingRequest) -> Path:
         """There is nothing to train."""

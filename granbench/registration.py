@@ -10,7 +10,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, TypeVar
 
-from granbench.errors import ModelError
+from granbench.errors import GranbenchError, RegistryError, alternatives
 
 OWN_DISTRIBUTION = "granbench"
 
@@ -20,51 +20,108 @@ Registered = TypeVar("Registered")
 class Registry(Mapping[str, Registered], Generic[Registered]):
     """The objects of an entry-point group by name, sorted.
 
-    Where two packages register one name, that of GranBench itself is used.
+    Only the object that is looked up is imported, so that a broken package affects its own names
+    alone. A name that GranBench itself registers is always its own object.
 
     Parameters
     ----------
     group : entry-point group, such as `granbench.models`
     kind : what an object of the group is, for errors, such as `classical model`
+    contract : class that a registered object is an instance of
+    classes : whether subclasses of `contract` are registered instead of instances
+    names_agree : whether the attribute `name` of an object must be the name of its entry point
+    error : type of every error
     """
 
-    def __init__(self, group: str, kind: str) -> None:
+    def __init__(
+        self,
+        group: str,
+        kind: str,
+        contract: type,
+        *,
+        classes: bool = False,
+        names_agree: bool = False,
+        error: type[GranbenchError] = RegistryError,
+    ) -> None:
         self.group = group
         self.kind = kind
+        self.contract = contract
+        self.classes = classes
+        self.names_agree = names_agree
+        self.error = error
 
     def __getitem__(self, name: str) -> Registered:
-        points = self._points(name)
-        if not points:
-            raise KeyError(name)
-        point = next((point for point in points if is_own(point)), points[0])
-        return self._loaded(point)
+        return self._checked(self._point(name))
 
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and name in _points_by_name(self.group, tuple(sys.path))
 
     def __iter__(self) -> Iterator[str]:
-        return iter(sorted(_points_by_name(self.group, tuple(sys.path))))
+        return iter(registered_names(self.group))
 
     def __len__(self) -> int:
         return len(_points_by_name(self.group, tuple(sys.path)))
 
+    def find(self, name: str) -> Registered:
+        """The object of that name.
+
+        Raises
+        ------
+        GranbenchError
+            Of the type `error`, if there is none of this name, two packages register it, or its
+            package is broken.
+        """
+        if name not in self:
+            raise self.error(f"unknown {self.kind} {name!r}: {alternatives(name, self)}")
+        return self[name]
+
     def own(self, name: str) -> bool:
         """Whether GranBench itself registers the name, so that its own object is used."""
-        return any(map(is_own, self._points(name)))
+        return any(map(_is_own, self._points(name)))
 
     def _points(self, name: str) -> tuple[EntryPoint, ...]:
         return _points_by_name(self.group, tuple(sys.path)).get(name, ())
 
-    def _loaded(self, point: EntryPoint) -> Any:
+    def _point(self, name: str) -> EntryPoint:
+        points = self._points(name)
+        if not points:
+            raise KeyError(name)
+        if self.own(name):
+            return next(filter(_is_own, points))
+        if len({point.value for point in points}) > 1:
+            packages = " and ".join(sorted(map(_package, points)))
+            raise self.error(
+                f"{self.kind} {name!r} is registered more than once, by the packages {packages}; "
+                "uninstall one of them"
+            )
+        return points[0]
+
+    def _checked(self, point: EntryPoint) -> Any:
+        """The object behind an entry point, if it is what the group holds."""
+        where = (
+            f"{self.kind} {point.name!r}, which the package {_package(point)} registers as "
+            f"{point.value},"
+        )
+        remedy = "correct or uninstall that package"
         try:
-            return point.load()
+            found = point.load()
         except (Exception, SystemExit) as error:  # code of another package
-            package = point.dist.name if point.dist is not None else point.module
-            raise ModelError(
-                f"{self.kind} {point.name!r}, which the package {package} registers as "
-                f"{point.value}, cannot be loaded ({type(error).__name__}: {error}); correct or "
-                "uninstall that package"
+            raise self.error(
+                f"{where} cannot be loaded ({type(error).__name__}: {error}); {remedy}"
             ) from error
+        contract = f"{self.contract.__module__}.{self.contract.__qualname__}"
+        if self.classes and not (isinstance(found, type) and issubclass(found, self.contract)):
+            raise self.error(f"{where} must be a subclass of {contract}; {remedy}")
+        if not self.classes and not isinstance(found, self.contract):
+            raise self.error(f"{where} must be an object of type {contract}; {remedy}")
+        if self.names_agree and found.name != point.name:
+            raise self.error(f"{where} has the name {found.name!r}; use the same name in both")
+        return found
+
+
+def registered_names(group: str) -> list[str]:
+    """Names in an entry-point group, sorted; nothing is imported."""
+    return sorted(_points_by_name(group, tuple(sys.path)))
 
 
 @cache
@@ -76,6 +133,9 @@ def _points_by_name(group: str, path: tuple[str, ...]) -> Mapping[str, tuple[Ent
     return found
 
 
-def is_own(point: EntryPoint) -> bool:
-    """Whether an entry point is of GranBench itself, not of another package."""
+def _is_own(point: EntryPoint) -> bool:
     return point.dist is not None and point.dist.name.lower() == OWN_DISTRIBUTION
+
+
+def _package(point: EntryPoint) -> str:
+    return point.module if point.dist is None else point.dist.name

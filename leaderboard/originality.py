@@ -107,7 +107,7 @@ def is_classical(baseline: str | None) -> bool:
     if baseline is None:
         return True
     try:
-        return getattr(find_baseline(baseline), "model", None) in MODELS
+        return find_baseline(baseline).classical_model in MODELS
     except ModelError:
         return False
 

@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from plug_in import install
 
 from granbench.cells.find import find_cells
 from granbench.errors import ModelError, SubmissionError
@@ -23,16 +24,13 @@ class Clay(J2):
 def plug_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Installs a package with entry points of the group `granbench.models`."""
 
-    def install(**points: str) -> None:
-        (tmp_path / "my_models.py").write_text(SOURCE)
-        metadata = tmp_path / "my_models-1.0.dist-info"
-        metadata.mkdir()
-        (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: my-models\nVersion: 1.0\n")
-        lines = [f"{name} = {value}" for name, value in points.items()]
-        (metadata / "entry_points.txt").write_text("\n".join(["[granbench.models]", *lines, ""]))
-        monkeypatch.syspath_prepend(tmp_path)
+    def install_models(package: str = "my-models", **points: str) -> None:
+        entries = [f"{name} = {value}" for name, value in points.items()]
+        folder = tmp_path / package
+        install(folder, {"my_models.py": SOURCE}, "granbench.models", *entries, package=package)
+        monkeypatch.syspath_prepend(folder)
 
-    yield install
+    yield install_models
     sys.modules.pop("my_models", None)
 
 
@@ -59,6 +57,21 @@ def test_a_package_that_cannot_be_loaded_is_named(plug_in) -> None:
     for name in ("broken", "absent"):
         with pytest.raises(ModelError, match=f"'{name}'.*my-models"):
             find_cells(name)
+    assert find_cells("j2").name == "j2"  # no other model is disturbed
+
+
+@pytest.mark.parametrize("value", ["my_models:J2", "my_models:SOURCE", "my_models"])
+def test_an_object_that_does_not_belong_in_the_group_is_refused(plug_in, value: str) -> None:
+    plug_in(clay=value)
+    with pytest.raises(ModelError, match="'clay'.*my-models"):
+        MODELS["clay"]
+
+
+def test_two_packages_that_register_one_name_are_refused(plug_in) -> None:
+    plug_in("my-models", clay="my_models:Clay")
+    plug_in("other-models", clay="my_models:J2")
+    with pytest.raises(ModelError, match="'clay'.*my-models and other-models"):
+        find_cells("clay")
 
 
 def test_a_name_that_nobody_registers_is_missing() -> None:

@@ -27,9 +27,8 @@ if TYPE_CHECKING:
     from granbench.benchmark.evaluation_run import EvaluationRun
     from granbench.cells.contract import Conditions, MaterialCell
 
-ENTRY_POINTS = "granbench.axes"
 
-__all__ = ["ENTRY_POINTS", "Axis", "Group", "Highlight", "Part", "PathSample", "Stored"]
+__all__ = ["Axis", "Group", "Highlight", "Part", "PathSample", "Stored"]
 
 
 class Axis(ABC):

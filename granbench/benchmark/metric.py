@@ -28,7 +28,6 @@ noise against the recomputed truth. 1.2: besides them the embedded axis, on task
 boundary-value problems. 1.3: no interval where fewer than three specimens were tested, because
 they say nothing of the scatter between specimens. No version changed a value of an earlier one."""
 
-ENTRY_POINTS = "granbench.metrics"
 
 Direction = Literal["lower", "higher", "target 1"]
 """Which values are better."""

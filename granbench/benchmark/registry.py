@@ -7,15 +7,15 @@ A package registers an axis under the entry-point group `granbench.axes`, and a 
 from collections.abc import Iterable, Sequence
 from functools import cache
 
-from granbench.benchmark.axis import ENTRY_POINTS as AXIS_GROUP
 from granbench.benchmark.axis import Axis, Part, Stored
-from granbench.benchmark.metric import ENTRY_POINTS as METRIC_GROUP
 from granbench.benchmark.metric import Metric
 from granbench.errors import ConfigurationError
 from granbench.registration import Registry
 
-AXES: Registry[Axis] = Registry(AXIS_GROUP, "axis")
-METRICS: Registry[Metric] = Registry(METRIC_GROUP, "metric")
+AXES: Registry[Axis] = Registry("granbench.axes", "axis", Axis, error=ConfigurationError)
+METRICS: Registry[Metric] = Registry(
+    "granbench.metrics", "metric", Metric, error=ConfigurationError
+)
 
 
 @cache
@@ -27,17 +27,10 @@ def axes() -> tuple[Axis, ...]:
     ConfigurationError
         If there is none, what is registered is not an axis, or two axes share a name.
     """
-    found: list[Axis] = []
-    for name, axis in AXES.items():
-        if not isinstance(axis, Axis):
-            raise ConfigurationError(
-                f"entry point {name!r} of {AXIS_GROUP} must be an Axis, not a "
-                f"{type(axis).__name__}; correct the package that registers it"
-            )
-        found.append(axis)
+    found = list(AXES.values())
     if not found:
         raise ConfigurationError(
-            f"no axis is registered under the entry points {AXIS_GROUP}; install granbench again"
+            f"no axis is registered under the entry points {AXES.group}; install granbench again"
         )
     names = [name for axis in found for name in axis.names]
     if twice := [name for name in names if names.count(name) > 1]:
@@ -58,12 +51,7 @@ def plugged_in_metrics() -> tuple[Metric, ...]:
     """
     found: list[Metric] = []
     known = {axis.name: axis for axis in axes()}
-    for name, metric in METRICS.items():
-        if not isinstance(metric, Metric):
-            raise ConfigurationError(
-                f"entry point {name!r} of {METRIC_GROUP} must be a Metric, not a "
-                f"{type(metric).__name__}; correct the package that registers it"
-            )
+    for metric in METRICS.values():
         if metric.axis not in known:
             raise ConfigurationError(
                 f"metric {metric.name!r}: axis is {metric.axis!r}; use one of {', '.join(known)}"

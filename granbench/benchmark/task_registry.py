@@ -10,9 +10,9 @@ point of the group `granbench.tasks`, whose value is a package with YAML files i
 from collections.abc import Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
-from importlib.metadata import entry_points
 from importlib.resources import files
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import xarray as xr
@@ -25,9 +25,11 @@ from granbench.data.store import REGISTERED_NAME, dataset_file, local_file
 from granbench.data.verification import task_file
 from granbench.errors import DatasetError, GranbenchError, RegistryError
 from granbench.records import open_records
+from granbench.registration import Registry
 
 TASK_FOLDER = REGISTRY_FOLDER / "tasks"
-ENTRY_POINTS = "granbench.tasks"
+TASK_PACKAGES: Registry[ModuleType] = Registry("granbench.tasks", "package of tasks", ModuleType)
+"""Packages with task files of other distributions."""
 YAML = (".yaml", ".yml")
 LARGEST_FILE = 1_000_000
 """Bytes of a task's file; a task with a hundred analyses has 50,000."""
@@ -231,17 +233,9 @@ def _task_of_records(path: Path) -> Task:
 
 def _plugin_files() -> Iterator[Path]:
     """The task files of other packages."""
-    for point in sorted(entry_points(group=ENTRY_POINTS), key=lambda point: point.name):
-        try:
-            found = sorted(
-                Path(str(item)) for item in files(point.value).iterdir() if item.name.endswith(YAML)
-            )
-        except Exception as error:  # importing a package may raise anything
-            raise RegistryError(
-                f"entry point {point.name!r} of the group {ENTRY_POINTS}: {point.value} is not a "
-                f"package with task files ({error}); correct or uninstall it"
-            ) from error
-        yield from found
+    for package in TASK_PACKAGES.values():
+        items = files(package).iterdir()
+        yield from sorted(Path(str(item)) for item in items if item.name.endswith(YAML))
 
 
 def _release(task: Task) -> tuple[int, ...]:

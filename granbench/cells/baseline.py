@@ -7,15 +7,14 @@ holds no list of them. `granbench.cells.find` finds every kind of model that a u
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import xarray as xr
 
 from granbench.cells.contract import MaterialCell
-from granbench.errors import ModelError, alternatives
+from granbench.errors import ModelError
 from granbench.registration import Registry
 
-ENTRY_POINTS = "granbench.baselines"
 DESCRIPTION_FILE = "model.json"
 """File in the folder of every trained model; its key `baseline` names the architecture."""
 
@@ -70,6 +69,7 @@ class TrainingRequest:
     on_epoch: Callable[[EpochReport], None] | None = None
 
 
+@runtime_checkable
 class Baseline(Protocol):
     """A reference model: how to train it, and how to get its cell.
 
@@ -78,9 +78,8 @@ class Baseline(Protocol):
     name : under which it is registered
     title : for people
     presets : names of its training settings, the default first; empty where nothing is trained
-
-    One with a true attribute `floor` is a reference line in the tables of the board and is not
-    ranked.
+    floor : whether it is a reference line in the tables of the board rather than a ranked model
+    classical_model : name of the model whose parameters it fits; None for any other baseline
     """
 
     @property
@@ -93,6 +92,14 @@ class Baseline(Protocol):
 
     @property
     def presets(self) -> Sequence[str]:
+        """See `Baseline`."""
+
+    @property
+    def floor(self) -> bool:
+        """See `Baseline`."""
+
+    @property
+    def classical_model(self) -> str | None:
         """See `Baseline`."""
 
     def train(self, request: TrainingRequest) -> Path:
@@ -121,7 +128,9 @@ class Baseline(Protocol):
         """
 
 
-BASELINES: Registry[Baseline] = Registry(ENTRY_POINTS, "baseline")
+BASELINES: Registry[Baseline] = Registry(
+    "granbench.baselines", "baseline", Baseline, names_agree=True, error=ModelError
+)
 """Every registered reference model."""
 
 
@@ -136,8 +145,6 @@ def find_baseline(name: str) -> Baseline:
     Raises
     ------
     ModelError
-        If there is none of this name.
+        If there is none of this name, or the package that registers it is broken.
     """
-    if name in BASELINES:
-        return BASELINES[name]
-    raise ModelError(f"unknown baseline {name!r}: {alternatives(name, BASELINES)}")
+    return BASELINES.find(name)

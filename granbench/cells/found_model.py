@@ -64,7 +64,7 @@ class FoundModel:
     @property
     def floor(self) -> bool:
         """Whether it is a reference line of the table by default, as a fitted law is."""
-        return not self.trained or getattr(self.baseline, "floor", False)
+        return self.baseline is not None and self.baseline.floor
 
     @property
     def cell(self) -> MaterialCell:

@@ -1,10 +1,11 @@
 """Help texts with the names of what is registered, looked up when the help is shown."""
 
 import re
-from importlib.metadata import entry_points
 from typing import Any
 
 from typer.core import TyperCommand
+
+from granbench.registration import registered_names
 
 PLACE = re.compile(r"\{(\w+)\}")
 
@@ -25,5 +26,4 @@ class CommandWithNames(TyperCommand):
 
 
 def _names(place: re.Match[str]) -> str:
-    points = entry_points(group=f"granbench.{place[1]}")
-    return ", ".join(sorted({point.name for point in points})) or "none is registered"
+    return ", ".join(registered_names(f"granbench.{place[1]}")) or "none is registered"

@@ -4,13 +4,18 @@ A package registers a model under the entry-point group `granbench.models`, as
 ``name = "module:Class"`` with a subclass of `ClassicalCell`; there is no second list of names.
 """
 
-from granbench.errors import ModelError, alternatives
+from granbench.errors import ModelError
 from granbench.models.classical import ClassicalCell
 from granbench.registration import Registry
 
-ENTRY_POINTS = "granbench.models"
-
-MODELS: Registry[type[ClassicalCell]] = Registry(ENTRY_POINTS, "classical model")
+MODELS: Registry[type[ClassicalCell]] = Registry(
+    "granbench.models",
+    "classical model",
+    ClassicalCell,
+    classes=True,
+    names_agree=True,
+    error=ModelError,
+)
 """Every registered classical model."""
 
 
@@ -20,8 +25,6 @@ def find_model(name: str) -> type[ClassicalCell]:
     Raises
     ------
     ModelError
-        If there is none of this name.
+        If there is none of this name, or the package that registers it is broken.
     """
-    if name in MODELS:
-        return MODELS[name]
-    raise ModelError(f"unknown classical model {name!r}: {alternatives(name, MODELS)}")
+    return MODELS.find(name)

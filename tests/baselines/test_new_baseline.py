@@ -8,12 +8,10 @@ package that brings it declares, in its `pyproject.toml`,
 """
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from plug_in import granbench, install, python, scores
 
 TOY_BASELINE = '''
 """`toy`: one recurrent layer of four, trained on whole paths."""
@@ -65,51 +63,30 @@ BASELINE = PathBaseline(
 )
 '''
 
-ENTRY_POINTS = "[granbench.baselines]\ntoy = toy_baseline:BASELINE\n"
+ENTRY_POINT = "toy = toy_baseline:BASELINE"
 
 
 @pytest.fixture
 def installed(tmp_path: Path) -> Path:
-    """A folder with the toy baseline as an installer leaves it: the module and its metadata."""
-    folder = tmp_path / "site"
-    metadata = folder / "toy_baseline-1.0.dist-info"
-    metadata.mkdir(parents=True)
-    (folder / "toy_baseline.py").write_text(TOY_BASELINE)
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: toy-baseline\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text(ENTRY_POINTS)
-    return folder
+    """The folder of the package with the baseline."""
+    install(tmp_path, {"toy_baseline.py": TOY_BASELINE}, "granbench.baselines", ENTRY_POINT)
+    return tmp_path
 
 
-def granbench(site: Path, folder: Path, *words: object) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        [sys.executable, "-m", "granbench", *map(str, words)],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(site)},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-
-
-def test_a_plug_in_baseline_is_trained_and_scored(installed: Path, tmp_path: Path) -> None:
+def test_a_plug_in_baseline_is_trained_and_scored(installed: Path) -> None:
     task = ("--task", "dem-triaxial-mini")
-    trained = granbench(installed, tmp_path, "train", "toy", *task, "--epochs", 1, "--out", "toy")
-    assert trained.returncode == 0, trained.stderr
-    description = json.loads((tmp_path / "toy" / "model.json").read_text())
+    granbench(installed, "train", "toy", *task, "--epochs", 1, "--out", "toy")
+    description = json.loads((installed / "toy" / "model.json").read_text())
     assert description["baseline"] == "toy"
     assert description["training"]["epochs"] == 1
     words = ("--axis", "rollout", "--seeds", "0", "--out", "card.json", "--quiet")
-    scored = granbench(installed, tmp_path, "evaluate", "toy", *task, *words)
-    assert scored.returncode == 0, scored.stderr
-    scores = json.loads((tmp_path / "card.json").read_text())["scores"]
-    found = [s for s in scores if s["metric"] == "stress_mse_mean" and s["status"] == "scored"]
+    granbench(installed, "evaluate", "toy", *task, *words)
+    found = scores(installed / "card.json", metric="stress_mse_mean", status="scored")
     assert found
     assert all(score["value"] > 0.0 for score in found)
 
 
-def test_stepping_the_cell_agrees_with_the_network_on_whole_paths(
-    installed: Path, tmp_path: Path
-) -> None:
+def test_stepping_the_cell_agrees_with_the_network_on_whole_paths(installed: Path) -> None:
     program = """
 import torch
 from granbench.cells.baseline import find_baseline
@@ -127,11 +104,4 @@ with torch.no_grad():
 stepped = toy.cell(network).rollout(strain, conditions).stress[:, 1:]
 torch.testing.assert_close(stepped, whole, rtol=1e-5, atol=1.0)
 """
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env=os.environ | {"PYTHONPATH": str(installed)},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stderr
+    python(installed, program)

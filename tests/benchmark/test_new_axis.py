@@ -64,10 +64,11 @@ class Toy(Axis):
 
 TOY = Toy()
 '''
+ENTRY_POINT = "toy = toy_axis:TOY"
 
 
 def test_an_axis_of_another_package_is_scored_shown_and_validated(tmp_path: Path) -> None:
-    install(tmp_path, "toy_axis", AXIS, "granbench.axes")
+    install(tmp_path, {"toy_axis.py": AXIS}, "granbench.axes", ENTRY_POINT)
     file = tmp_path / "toy.json"
     words = ("evaluate", "persistence", "--task", "dem-triaxial-mini", "--axis", "toy")
     table = granbench(tmp_path, *words, "--out", "toy.json")
@@ -94,7 +95,7 @@ def test_an_axis_of_another_package_is_scored_shown_and_validated(tmp_path: Path
 
 def test_a_task_does_not_ask_for_an_axis_of_another_package(tmp_path: Path) -> None:
     """Without `--axis` the axes of the task are run, so that submissions stay comparable."""
-    install(tmp_path, "toy_axis", AXIS, "granbench.axes")
+    install(tmp_path, {"toy_axis.py": AXIS}, "granbench.axes", ENTRY_POINT)
     words = ("evaluate", "persistence", "--task", "dem-triaxial-mini", "--quiet")
     granbench(tmp_path, *words, "--out", "all.json")
     (toy, *_) = scores(tmp_path / "all.json", axis="toy")

@@ -27,10 +27,11 @@ TOY = Metric(
     style="percent",
 )
 '''
+ENTRY_POINT = "toy = toy_metric:TOY"
 
 
 def test_a_metric_of_another_package_is_scored_shown_and_validated(tmp_path: Path) -> None:
-    install(tmp_path, "toy_metric", METRIC, "granbench.metrics")
+    install(tmp_path, {"toy_metric.py": METRIC}, "granbench.metrics", ENTRY_POINT)
     words = ("evaluate", "persistence", "--task", "dem-triaxial-mini", "--axis", "rollout")
     table = granbench(tmp_path, *words, "--out", "toy.json")
     # In the scorecard, with an interval,
@@ -65,7 +66,7 @@ def test_a_metric_of_another_package_is_scored_shown_and_validated(tmp_path: Pat
 def test_a_metric_that_cannot_be_used_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change, named: str
 ) -> None:
-    install(tmp_path, "toy_metric", METRIC.replace(*change), "granbench.metrics")
+    install(tmp_path, {"toy_metric.py": METRIC.replace(*change)}, "granbench.metrics", ENTRY_POINT)
     monkeypatch.syspath_prepend(tmp_path)
     plugged_in_metrics.cache_clear()
     with pytest.raises(GranbenchError, match=named):

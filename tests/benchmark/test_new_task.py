@@ -1,14 +1,13 @@
 """A new task is one YAML file; and what holds for every registered task."""
 
 import json
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import xarray as xr
 import yaml
+from plug_in import granbench, install
 
 from granbench.benchmark.axes.embedded.metrics import NAME as EMBEDDED
 from granbench.benchmark.registry import axis_names
@@ -63,16 +62,6 @@ training_data:
 """The whole of a task: `granbench evaluate j2 --task toy.yaml` needs nothing else."""
 
 
-def granbench(folder: Path, *words: str) -> str:
-    """Output of a command that is run in a folder, from which it can import."""
-    code = "from granbench.cli import main; main()"
-    done = subprocess.run(
-        [sys.executable, "-c", code, *words], cwd=folder, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 def check_toy_submission(folder: Path) -> None:
     """J2 is the ground truth: it follows the analysis exactly and the paths up to rounding."""
     submission = read_submission(folder / "submission.json")
@@ -99,13 +88,8 @@ def test_a_task_is_one_yaml_file(tmp_path: Path) -> None:
 
 def test_another_package_brings_a_task(tmp_path: Path) -> None:
     """The package `toy_tasks` with toy.yaml, installed with an entry point `granbench.tasks`."""
-    package, info = tmp_path / "toy_tasks", tmp_path / "toy_tasks-1.0.dist-info"
-    package.mkdir()
-    info.mkdir()
-    (package / "__init__.py").touch()
-    (package / "toy.yaml").write_text(TOY)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: toy-tasks\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[granbench.tasks]\ntoy-tasks = toy_tasks\n")
+    files = {"toy_tasks/__init__.py": "", "toy_tasks/toy.yaml": TOY}
+    install(tmp_path, files, "granbench.tasks", "toy-tasks = toy_tasks")
     listed = json.loads(granbench(tmp_path, "task", "list", "--json"))
     assert "toy" in {task["id"] for task in listed}
     words = ("--keep", "model", "--out", "submission.json")

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 from functools import cache
-from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
@@ -15,13 +14,13 @@ from campaign_support import PATIENCE, files_of, quiet, wait_until
 from granbench.errors import ConfigurationError, RegistryError
 from granbench.generators.campaign import Job
 from granbench.generators.campaign.schedule import Schedule, digests
-from granbench.generators.find import ENTRY_POINTS, dataset_names, find_generator
+from granbench.generators.find import GENERATORS, dataset_names, find_generator
 from granbench.records import open_records, verify
 from granbench.units.plausible import LARGEST_SEED
 
 DATASETS = dataset_names()
 CASES = [(name, preset) for name in DATASETS for preset in find_generator(name).presets]
-FAMILIES = {point.name: point.load() for point in entry_points(group=ENTRY_POINTS)}
+FAMILIES = dict(GENERATORS)
 FIRST = [next(iter(generator.datasets)) for generator in FAMILIES.values()]
 """One dataset of each family."""
 

@@ -6,12 +6,10 @@ registers it. Inside GranBench the code goes to a folder of `generators/` and th
 """
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from plug_in import granbench, install, refused
 
 GENERATOR = '''
 """Random strain paths through a linear spring."""
@@ -78,63 +76,40 @@ def assemble(modulus, preset, seed, results):
 
 GENERATOR = Generator(datasets=DATASETS, presets=PRESETS, jobs=jobs, assemble=assemble)
 '''
-ENTRY_POINT = """
-[granbench.generators]
-toy = granbench_toy.generator:GENERATOR
-"""
+ENTRY_POINT = "toy = granbench_toy.generator:GENERATOR"
 
 
 @pytest.fixture
 def site(tmp_path: Path) -> Path:
-    """A folder of installed packages, as pip leaves it, with the package `granbench_toy`."""
+    """A folder of installed packages with the package `granbench_toy`."""
     site = tmp_path / "site"
-    package, about = site / "granbench_toy", site / "granbench_toy-1.0.dist-info"
-    package.mkdir(parents=True)
-    (package / "__init__.py").touch()
-    (package / "generator.py").write_text(GENERATOR)
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: granbench-toy\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text(ENTRY_POINT)
+    files = {"granbench_toy/__init__.py": "", "granbench_toy/generator.py": GENERATOR}
+    install(site, files, "granbench.generators", ENTRY_POINT)
     return site
-
-
-def granbench(site: Path, *words: object) -> subprocess.CompletedProcess:
-    """Run the command with the packages of `site` installed."""
-    return subprocess.run(
-        [sys.executable, "-m", "granbench", *map(str, words)],
-        env={**os.environ, "PYTHONPATH": str(site)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
 
 
 def test_a_new_generator_makes_its_dataset_and_continues_a_campaign(site, tmp_path):
     command = ("generate", "toy", "--preset", "smoke", "--json", "--out")
-    first = granbench(site, *command, tmp_path / "first")
-    assert first.returncode == 0, first.stderr
-    file = Path(json.loads(first.stdout)["dataset"])
+    first = json.loads(granbench(site, *command, tmp_path / "first"))
+    file = Path(first["dataset"])
     assert file == tmp_path / "first" / "toy-0.0.0+smoke.nc"
-    verified = granbench(site, "data", "verify", file)
-    assert verified.returncode == 0, verified.stderr
+    granbench(site, "data", "verify", file)
 
     content = file.read_bytes()
     file.unlink()
     lost = tmp_path / "first" / "campaign" / "results" / "train" / "record.npz"
     lost.unlink()
-    again = json.loads(granbench(site, *command, tmp_path / "first").stdout)
+    again = json.loads(granbench(site, *command, tmp_path / "first"))
     assert (again["done"], again["continued"]) == (2, 1)
     assert file.read_bytes() == content
 
-    other = granbench(site, *command, tmp_path / "other", "--seed", 5)
-    assert Path(json.loads(other.stdout)["dataset"]).read_bytes() != content
+    other = json.loads(granbench(site, *command, tmp_path / "other", "--seed", 5))
+    assert Path(other["dataset"]).read_bytes() != content
 
 
 def test_a_generator_that_cannot_be_imported_is_named_and_disturbs_no_other(site, tmp_path):
     (site / "granbench_toy" / "generator.py").write_text("import no_such_module\n")
-    broken = granbench(site, "generate", "toy", "--out", tmp_path / "out")
-    assert broken.returncode == 2
-    assert "granbench_toy.generator" in broken.stderr and "no_such_module" in broken.stderr
-    unknown = granbench(site, "generate", "gp-j9", "--out", tmp_path / "out")
-    assert unknown.returncode == 2
-    assert "gp-j2" in unknown.stderr and "toy" not in unknown.stderr
+    broken = refused(site, "generate", "toy", "--out", tmp_path / "out")
+    assert "granbench_toy.generator" in broken and "no_such_module" in broken
+    unknown = refused(site, "generate", "gp-j9", "--out", tmp_path / "out")
+    assert "gp-j2" in unknown and "toy" not in unknown
