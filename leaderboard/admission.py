@@ -6,6 +6,7 @@ from pathlib import Path
 
 import xarray as xr
 
+from granbench.benchmark.evaluation_run import SeedProgress
 from granbench.benchmark.predictions import open_predictions
 from granbench.benchmark.task import Task
 from granbench.errors import GranbenchError
@@ -19,7 +20,6 @@ from granbench.leaderboard.originality import (
     near_truth,
     same_scores,
 )
-from granbench.leaderboard.rerunning import Progress
 from granbench.leaderboard.rows import Row, accepted, place_on
 from granbench.leaderboard.submission import Submission
 from granbench.leaderboard.validation import Validated, recompute
@@ -67,7 +67,7 @@ def examine(
     *,
     task: Task | None = None,
     replace: bool = False,
-    progress: Progress | None = None,
+    progress: SeedProgress | None = None,
 ) -> Examination:
     """Validate a submission, and find out whether the board accepts it.
 

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import xarray as xr
 
+from granbench.benchmark.evaluation_run import SeedProgress
 from granbench.benchmark.task import Task
 from granbench.errors import SubmissionError
 from granbench.files.whole_file import cannot_write
 from granbench.leaderboard.admission import MINIMUM_SEEDS, Examination, examine
 from granbench.leaderboard.model_files import moved
-from granbench.leaderboard.rerunning import Progress
 from granbench.leaderboard.rows import Row, accepted, default_folder, place_on, slug
 from granbench.leaderboard.sealing import sealed
 from granbench.leaderboard.submission import Submission, write_submission
@@ -40,7 +40,7 @@ def accept(
     task: Task | None = None,
     replace: bool = False,
     word: str | None = None,
-    progress: Progress | None = None,
+    progress: SeedProgress | None = None,
 ) -> Path:
     """Validate a submission and put it, with its predictions or its model, onto the board.
 

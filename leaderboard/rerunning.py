@@ -1,10 +1,10 @@
 """Run a submitted model again."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import xarray as xr
 
+from granbench.benchmark.evaluation_run import SeedProgress
 from granbench.benchmark.predictions import evaluated
 from granbench.benchmark.registry import axis_names
 from granbench.benchmark.task import Task
@@ -13,15 +13,12 @@ from granbench.leaderboard.model_files import restored
 from granbench.leaderboard.rerun_budget import SECONDS_PER_SEED, check_budget, time_limit
 from granbench.leaderboard.submission import Submission
 
-Progress = Callable[[int, str], None]
-"""Called with the seed and what was done."""
-
 
 def rerun(
     submission: Submission,
     records: xr.Dataset,
     path: Path,
-    progress: Progress | None = None,
+    progress: SeedProgress | None = None,
     *,
     task: Task | None = None,
 ) -> xr.Dataset:

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from granbench import __version__
+from granbench.benchmark.evaluation_run import SeedProgress
 from granbench.benchmark.metric import METRIC_VERSION
 from granbench.errors import ConfigurationError, GranbenchError, SubmissionError
 from granbench.files.whole_file import whole_file
 from granbench.leaderboard.admission import examine
-from granbench.leaderboard.rerunning import Progress
 from granbench.leaderboard.rows import Row, accepted
 from granbench.leaderboard.sealing import require_seal, row_digest
 from granbench.leaderboard.submission import Submission
@@ -43,7 +43,7 @@ def revalidate(
     rows: Sequence[Row],
     folder: Path,
     state: Path | None = None,
-    progress: Callable[[Row], Progress | None] | None = None,
+    progress: Callable[[Row], SeedProgress | None] | None = None,
 ) -> Iterator[Outcome]:
     """Validate rows one after the other.
 
@@ -74,7 +74,7 @@ def revalidate(
         yield Outcome(row.file, complaint)
 
 
-def _complaint(row: Row, folder: Path, progress: Progress | None) -> str | None:
+def _complaint(row: Row, folder: Path, progress: SeedProgress | None) -> str | None:
     require_seal(row.submission, row.file)
     examination = examine(row.file, folder, progress=progress)
     stored = row.submission

@@ -20,6 +20,7 @@ from pydantic import (
 from granbench.benchmark.scorecard import Curve, Scales, Score
 from granbench.errors import ConfigurationError, SubmissionError
 from granbench.files.json_reading import LARGEST_INTEGER, read_json_object
+from granbench.files.validation import first_fault
 from granbench.files.whole_file import whole_file
 
 SCHEMA_FILE = Path(__file__).parent / "submission.schema.json"
@@ -167,7 +168,7 @@ class About(_Record):
         try:
             return cls(**fields)
         except ValidationError as error:
-            raise ConfigurationError(f"the submission's {first_complaint(error)}") from error
+            raise ConfigurationError(f"the submission's {first_fault(error)}") from error
 
 
 class Submission(About):
@@ -242,7 +243,7 @@ def read_submission(path: Path) -> Submission:
     try:
         return Submission.model_validate(content)
     except ValidationError as error:
-        raise SubmissionError(f"{path}: {first_complaint(error)}") from error
+        raise SubmissionError(f"{path}: {first_fault(error)}") from error
 
 
 _REMEDY = "give the file that `granbench evaluate` wrote"
@@ -291,14 +292,3 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:
         return "not installed"
-
-
-def first_complaint(error: ValidationError) -> str:
-    """The first error that pydantic found: the field and what is wrong with it."""
-    first = error.errors()[0]
-    place = ".".join(str(part) for part in first["loc"])
-    message = first["msg"].removeprefix("Value error, ")
-    if first["type"] in ("model_type", "dict_type"):  # pydantic names Python types here
-        message = "must be a JSON object"
-    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-    return f"field {place}: {message}{more}" if place else f"{message}{more}"

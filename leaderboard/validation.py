@@ -5,6 +5,7 @@ from pathlib import Path
 
 import xarray as xr
 
+from granbench.benchmark.evaluation_run import SeedProgress
 from granbench.benchmark.metric import METRIC_VERSION
 from granbench.benchmark.predictions import evaluated, open_predictions
 from granbench.benchmark.registry import axes
@@ -14,7 +15,7 @@ from granbench.benchmark.task import Task
 from granbench.data.normalisation import Normalisation
 from granbench.errors import SubmissionError
 from granbench.leaderboard.agreement import RERUN, RESCORED, compare
-from granbench.leaderboard.rerunning import Progress, rerun
+from granbench.leaderboard.rerunning import rerun
 from granbench.leaderboard.submission import Submission, file_digest, read_submission
 from granbench.leaderboard.submitted_task import records_of, require_same_task, task_of
 
@@ -45,7 +46,7 @@ def validate(
     dataset: xr.Dataset | None = None,
     *,
     task: Task | None = None,
-    progress: Progress | None = None,
+    progress: SeedProgress | None = None,
 ) -> Submission:
     """Score a submission again and compare every number; see `recompute`.
 
@@ -62,7 +63,7 @@ def recompute(
     dataset: xr.Dataset | None = None,
     *,
     task: Task | None = None,
-    progress: Progress | None = None,
+    progress: SeedProgress | None = None,
 ) -> Validated:
     """Score a submission again and compare every number.
 

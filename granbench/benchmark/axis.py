@@ -246,7 +246,7 @@ class Axis(ABC):
         if found is None:
             return Score(**place, status="not_applicable", reason=metric.undefined)
         value, by_seed = found
-        low, high = _interval(metric, values, group)
+        low, high = group.interval(metric, values)
         return Score(
             **place,
             status="scored",
@@ -307,17 +307,3 @@ class Axis(ABC):
         The text stands in the section between ``<!-- NAME:begin -->`` and ``<!-- NAME:end -->``.
         """
         return {}
-
-
-def _interval(
-    metric: Metric, values: np.ndarray, group: Group
-) -> tuple[float | None, float | None]:
-    """Ends of the bootstrap interval; None each where there is none."""
-    resampled = metric.aggregation.of_resamples
-    if group.resampling is None or resampled is None:
-        return None, None
-    interval = group.resampling.interval(resampled(values))
-    if interval is None:
-        return None, None
-    low, high = (rounded(end) if np.isfinite(end) else None for end in interval)
-    return low, high

@@ -7,6 +7,8 @@ from typing import Protocol
 import numpy as np
 
 from granbench.benchmark.bootstrap import Resampling
+from granbench.benchmark.metric import Metric
+from granbench.benchmark.scorecard import rounded
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,24 @@ class Group:
     n: int
     rows: Sequence[int] | np.ndarray
     resampling: Resampling | None = None
+
+    def interval(self, metric: Metric, values: np.ndarray) -> tuple[float | None, float | None]:
+        """Ends of the bootstrap interval of a score; None for one that is not finite.
+
+        Parameters
+        ----------
+        metric : of the score
+        values : (seed, path) of the metric's statistic for the paths of the group
+        """
+        resampled = metric.aggregation.of_resamples
+        if self.resampling is None or resampled is None:
+            return None, None
+        low, high = self.resampling.interval(resampled(values)) or (np.nan, np.nan)
+        return _finite(low), _finite(high)
+
+
+def _finite(end: np.ndarray | float) -> float | None:
+    return rounded(end) if np.isfinite(end) else None
 
 
 class PathSample(Protocol):

@@ -10,8 +10,8 @@ import numpy as np
 import torch
 import xarray as xr
 
-from granbench.benchmark.evaluation_run import EvaluationRun, Progress
-from granbench.benchmark.predictions import CELL_NOTES, assemble
+from granbench.benchmark.evaluation_run import EvaluationRun, SeedProgress
+from granbench.benchmark.predictions import CELL_NOTES, assembled_predictions
 from granbench.benchmark.registry import axes as registered_axes
 from granbench.benchmark.registry import chosen_axes
 from granbench.benchmark.scored_records import ScoredRecords
@@ -38,7 +38,7 @@ def predict(
     task: Task | None = None,
     attrs: Mapping[str, str] | None = None,
     training_seconds: Mapping[int, float] | None = None,
-    progress: Progress | None = None,
+    progress: SeedProgress | None = None,
 ) -> xr.Dataset:
     """Predictions of a model in their layout (see `granbench.benchmark.predictions`).
 
@@ -85,7 +85,7 @@ def predict(
             )
             run = replace(run, cells=dict.fromkeys(cells, next(iter(cells.values()))))
         parts += [axis.predict(run) for axis in used if not axis.against_records]
-    return assemble(
+    return assembled_predictions(
         parts,
         dataset=dataset,
         seeds=cells,

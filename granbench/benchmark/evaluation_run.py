@@ -12,7 +12,7 @@ from granbench.cells.contract import MaterialCell
 from granbench.cells.user_code import user_code
 
 Result = TypeVar("Result")
-Progress = Callable[[int, str], None]
+SeedProgress = Callable[[int, str], None]
 """Called with the seed and what was done."""
 
 
@@ -37,7 +37,7 @@ class EvaluationRun:
     task: ScoredRecords
     axes: tuple[str, ...]
     training_seconds: Mapping[int, float] = field(default_factory=dict)
-    report: Progress = _say_nothing
+    report: SeedProgress = _say_nothing
 
     @property
     def records(self) -> xr.Dataset:

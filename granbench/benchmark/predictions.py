@@ -67,7 +67,7 @@ def is_deterministic(predictions: xr.Dataset) -> bool:
     )
 
 
-def assemble(
+def assembled_predictions(
     parts: Iterable[xr.Dataset],
     *,
     dataset: xr.Dataset,

@@ -7,127 +7,40 @@ several tasks. `granbench.benchmark.task_registry.find_task` finds a task by its
 """
 
 import json
-from collections.abc import Iterable, Mapping
-from typing import Annotated, Any
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import xarray as xr
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import ValidationError, model_validator
 
 from granbench.benchmark.predictions import evaluated
 from granbench.benchmark.registry import axes, axis_names, chosen_axes, plugged_in_axes
+from granbench.benchmark.task_parts import (
+    OOD,
+    TEST,
+    TRAIN,
+    VALIDATION,
+    Line,
+    Names,
+    Splits,
+    TaskDataset,
+    TaskPart,
+    TrainingData,
+    TruthModel,
+    Version,
+)
 from granbench.data.normalisation import Normalisation
 from granbench.data.splits import split_names
 from granbench.errors import ConfigurationError, DatasetError
 from granbench.fem.statement import EmbeddedAnalysis
+from granbench.files.validation import first_fault
 from granbench.records.schema import GROUND_TRUTH, INTERNALS
 
 FIRST_VERSION = "1.0.0"
-TRAIN, VALIDATION, TEST, OOD = "train", "validation", "test", "ood-"
-"""Names of the splits in `Task.view`; a split out of distribution begins with the last one."""
-
-Line = Annotated[
-    str, StringConstraints(min_length=1, max_length=400, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")
-]
-Names = Annotated[tuple[Line, ...], Field(min_length=1)]
-Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
-Version = Annotated[str, StringConstraints(pattern=r"^\d+\.\d+\.\d+$")]
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class TaskDataset(_Part):
-    """The records of a task, to the last bit.
-
-    Parameters
-    ----------
-    name, version : as in the registry of datasets, or as the file names itself
-    content_sha256 : hash of the values, see `granbench.records.content_hashes`
-    file : netCDF file beside the task's YAML file, for a dataset that is not registered
-    """
-
-    name: Line
-    version: Line
-    content_sha256: Sha256
-    file: Line | None = None
-
-
-class Splits(_Part):
-    """Splits of the dataset by what they are for; a split that is not listed is not used.
-
-    Parameters
-    ----------
-    training, validation : for the weights, and for the choice among trained models
-    test, ood : for the scores: paths of the kind that was trained on, and of other kinds
-    """
-
-    training: Names
-    validation: tuple[Line, ...] = ()
-    test: tuple[Line, ...] = ()
-    ood: tuple[Line, ...] = ()
-
-    @property
-    def scored(self) -> tuple[str, ...]:
-        """The splits that models are scored on."""
-        return (*self.test, *self.ood)
-
-    def roles(self) -> dict[str, str]:
-        """Name of each listed split in `Task.view`, by its name in the file."""
-        return (
-            dict.fromkeys(self.training, TRAIN)
-            | dict.fromkeys(self.validation, VALIDATION)
-            | dict.fromkeys(self.test, TEST)
-            | {name: name if name.startswith(OOD) else f"{OOD}{name}" for name in self.ood}
-        )
-
-    @model_validator(mode="after")
-    def _check(self) -> "Splits":
-        listed = [*self.training, *self.validation, *self.scored]
-        if twice := [name for name in listed if listed.count(name) > 1]:
-            raise ValueError(f"split {twice[0]!r} is listed twice; list each split once")
-        if not self.scored:
-            raise ValueError("test and ood are both empty; name a split to score models on")
-        return self
-
-
-class TruthModel(_Part):
-    """The classical model that made the records.
-
-    Parameters
-    ----------
-    model : name of the law, see `granbench models`
-    parameters : by name, SI units
-    parameter_set : published set that `parameters` replace some values of; None: all are given
-    units : by parameter name, checked against the law; may be left out
-    """
-
-    model: Line
-    parameters: Mapping[str, float] = {}
-    parameter_set: Line | None = None
-    units: Mapping[str, str] = {}
-
-    def as_attribute(self) -> str:
-        """The text of the attribute `ground_truth` of a dataset."""
-        return json.dumps(self.model_dump(mode="json", exclude_defaults=True))
-
-
-class TrainingData(_Part):
-    """Records that a model may be trained on.
-
-    Parameters
-    ----------
-    dataset, version : as in the registry of datasets
-    splits : those that are allowed
-    """
-
-    dataset: Line
-    version: Line
-    splits: Names
-
-
-class Task(_Part):
+class Task(TaskPart):
     """What a model is scored on; a published version never changes.
 
     Parameters
@@ -220,8 +133,8 @@ class Task(_Part):
             fields["ground_truth"] = _ground_truth_of(records)
         try:
             return cls.model_validate(fields)
-        except ValueError as error:
-            raise DatasetError(f"{file or name}: {complaint(error)}") from error
+        except ValidationError as error:
+            raise DatasetError(f"{file or name}: {first_fault(error)}") from error
 
     def chosen_axes(self, names: Iterable[str]) -> tuple[str, ...]:
         """The named axes, in the order of the benchmark.
@@ -366,17 +279,6 @@ def context_of(records: xr.Dataset) -> tuple[str, ...]:
         *(name for name in INTERNALS if name in records),
         *(name for name in SPECIMEN_SCALARS if name in records.coords),
     )
-
-
-def complaint(error: ValueError) -> str:
-    """The first thing that is wrong with a task: the field, and what it must be."""
-    errors = getattr(error, "errors", None)
-    if errors is None:
-        return str(error)
-    first = errors()[0]
-    field = ".".join(map(str, first["loc"]))
-    text = first["msg"].removeprefix("Value error, ")
-    return f"{field}: {text}" if field else text
 
 
 def _starts(name: str) -> bool:

@@ -19,11 +19,12 @@ import xarray as xr
 import yaml
 from pydantic import ValidationError
 
-from granbench.benchmark.task import Task, complaint
+from granbench.benchmark.task import Task
 from granbench.data.registry import REGISTRY_FOLDER, RegistryEntry, entries
 from granbench.data.store import REGISTERED_NAME, dataset_file, local_file
 from granbench.data.verification import task_file
 from granbench.errors import DatasetError, GranbenchError, RegistryError
+from granbench.files.validation import first_fault
 from granbench.records import open_records
 from granbench.registration import Registry
 
@@ -179,7 +180,7 @@ def _parsed(path: Path) -> Task:
         fields: Any = yaml.safe_load(path.read_text(encoding="utf-8"))
         task = Task.model_validate(fields)
     except ValidationError as error:
-        raise RegistryError(f"{path}: {complaint(error)}; correct the task") from error
+        raise RegistryError(f"{path}: {first_fault(error)}; correct the task") from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         reason = " ".join(str(error).split())[:200]
         raise RegistryError(f"{path}: is not YAML ({reason}); correct the task") from error

@@ -20,18 +20,10 @@ from pydantic import BaseModel, ConfigDict, FiniteFloat, ValidationError, model_
 
 from granbench.errors import ModelError
 from granbench.files.json_reading import parse_json, read_json
+from granbench.files.validation import first_fault
 from granbench.files.whole_file import whole_file
 from granbench.models.catalogue import find_model
 from granbench.models.classical import ClassicalCell
-
-EXPECTED = {
-    "string_type": "text in quotes",
-    "float_type": "a number in SI units, without quotes",
-    "finite_number": "a finite number",
-    "mapping_type": "an object {...}",
-    "dict_type": "an object {...}",
-}
-"""Expected values by the type of pydantic's error."""
 
 
 class ParameterFile(BaseModel):
@@ -58,7 +50,7 @@ class ParameterFile(BaseModel):
     def _every_unit_has_a_value(self) -> Self:
         for name in self.units:
             if name not in self.parameters:
-                raise ValueError(f"units has {name!r}, but parameters has no value for it")
+                raise ValueError(f"units has {name!r}, but parameters has no value for it; add it")
         return self
 
     def cell(self, order: str = "plane") -> ClassicalCell:
@@ -155,24 +147,8 @@ def _described(content: Any, source: str) -> ParameterFile:
     try:
         return ParameterFile.model_validate(content)
     except ValidationError as error:
-        raise ModelError(f"{source}: {_complaint(error)}") from error
-
-
-def _complaint(error: ValidationError) -> str:
-    """The first thing that is wrong with a parameter file, and what to do."""
-    first = error.errors()[0]
-    field = ".".join(map(str, first["loc"]))
-    if first["type"] == "model_type":
-        return 'must be a JSON object {"model": NAME, "parameters": {...}}'
-    if first["type"] == "missing":
-        return f"{field!r} is missing; add it"
-    if first["type"] == "extra_forbidden":
-        known = ", ".join(ParameterFile.model_fields)
-        return f'unknown key {field!r}; a parameter file has {known}; put notes under "about"'
-    if first["type"] == "value_error":
-        return f"{first['ctx']['error']}; add it"
-    given = json.dumps(first["input"])
-    return f"{field!r} is {given[:60]} but must be {EXPECTED.get(first['type'], 'valid')}"
+        fault = first_fault(error, unknown='put notes under "about"')
+        raise ModelError(f"{source}: {fault}") from error
 
 
 def cell_from_file(path: Path, order: str = "plane") -> ClassicalCell:

@@ -8,7 +8,7 @@ import xarray as xr
 
 from granbench.benchmark.axes.along_paths.predict import labelled
 from granbench.benchmark.axes.along_paths.protocols import PROTOCOLS
-from granbench.benchmark.predictions import assemble, evaluated
+from granbench.benchmark.predictions import assembled_predictions, evaluated
 from granbench.data.normalisation import Normalisation
 
 
@@ -40,6 +40,6 @@ def predicted(truth: xr.Dataset) -> Callable[..., xr.Dataset]:
                 void_ratio_error, shape[:-1]
             )
         part = labelled({"stress": stress, **internals}, list(protocols))
-        return assemble([part], dataset=truth, seeds=seeds, attrs={"model": "by-hand"})
+        return assembled_predictions([part], dataset=truth, seeds=seeds, attrs={"model": "by-hand"})
 
     return make

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from granbench.benchmark.axes.cost.metrics import METRICS
-from granbench.benchmark.predictions import assemble
+from granbench.benchmark.predictions import assembled_predictions
 from granbench.benchmark.scoring import score
 from granbench.errors import SubmissionError
 from granbench.records.schema import GROUND_TRUTH
@@ -19,7 +19,7 @@ def with_truth(records: xr.Dataset) -> xr.Dataset:
 
 def costs(truth: xr.Dataset, **variables: object) -> xr.Dataset:
     given = xr.Dataset(variables, {"points": [100, 10_000]})
-    return assemble([given], dataset=truth, seeds=SEEDS, attrs={})
+    return assembled_predictions([given], dataset=truth, seeds=SEEDS, attrs={})
 
 
 def test_cost_is_averaged_over_seeds_and_compared_with_the_truth(truth, normalisation):

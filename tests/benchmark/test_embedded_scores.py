@@ -10,7 +10,7 @@ from embedded_tasks import OUTPUTS, ROUGH, SMOOTH, embedding_records, task_of
 from granbench.benchmark.axes.embedded.analysis_errors import LARGEST_RATIO
 from granbench.benchmark.axes.embedded.axis import AXIS, EMBEDDED_OBSTACLE
 from granbench.benchmark.comparison import CEILING
-from granbench.benchmark.predictions import assemble, evaluated
+from granbench.benchmark.predictions import assembled_predictions, evaluated
 from granbench.benchmark.scorecard import Scorecard
 from granbench.benchmark.scoring import score
 from granbench.data.normalisation import Normalisation
@@ -49,7 +49,7 @@ def responded(task_records: xr.Dataset) -> Callable[..., xr.Dataset]:
             "gauss_point": range(SMOOTH.points), "component": truth["component"].values,
         }  # fmt: skip
         part = xr.Dataset(variables, coordinates, {EMBEDDED_OBSTACLE: ""})
-        return assemble([part], dataset=truth, seeds=SEEDS, attrs={"model": "by-hand"})
+        return assembled_predictions([part], dataset=truth, seeds=SEEDS, attrs={"model": "by-hand"})
 
     return make
 

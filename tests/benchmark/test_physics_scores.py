@@ -17,7 +17,7 @@ from granbench.benchmark.axes.physics.checks import (
 )
 from granbench.benchmark.comparison import CEILING
 from granbench.benchmark.predictions import (
-    assemble,
+    assembled_predictions,
     open_predictions,
     write_predictions,
 )
@@ -54,7 +54,9 @@ def responded(truth: xr.Dataset) -> Callable[..., xr.Dataset]:
             {"check": checks, "checked_path": names, "component": truth["component"].values},
             {PHYSICS_OBSTACLES: json.dumps(obstacles)},
         )
-        return assemble([responses], dataset=truth, seeds=SEEDS, attrs={"model": "by-hand"})
+        return assembled_predictions(
+            [responses], dataset=truth, seeds=SEEDS, attrs={"model": "by-hand"}
+        )
 
     return make
 

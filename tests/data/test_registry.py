@@ -51,7 +51,7 @@ def test_a_wrong_entry_names_file_and_field(shelf, records, tmp_path, field, wro
     shelf.publish(records)
     file = tmp_path / "registry" / "synthetic-1.0.0.yaml"
     file.write_text(yaml.safe_dump(yaml.safe_load(file.read_text()) | {field: wrong}))
-    with pytest.raises(RegistryError, match=f"synthetic-1.0.0.yaml: '{field}': "):
+    with pytest.raises(RegistryError, match=f"synthetic-1.0.0.yaml: '{field}' "):
         entries()
 
 

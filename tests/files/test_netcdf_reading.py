@@ -9,7 +9,12 @@ import pytest
 import xarray as xr
 
 from granbench.benchmark.axes.along_paths.predict import labelled
-from granbench.benchmark.predictions import assemble, evaluated, open_predictions, write_predictions
+from granbench.benchmark.predictions import (
+    assembled_predictions,
+    evaluated,
+    open_predictions,
+    write_predictions,
+)
 from granbench.errors import DatasetError, SubmissionError
 from granbench.files.netcdf_reading import open_netcdf
 from granbench.records import content_hashes, open_records
@@ -168,7 +173,7 @@ def test_a_coordinate_of_another_type_is_named(name: str, records, tmp_path: Pat
 def small_predictions(records: xr.Dataset) -> xr.Dataset:
     scored = evaluated(records)
     shape = (2, 1, scored.sizes["path"], scored.sizes["step"], 3)
-    return assemble(
+    return assembled_predictions(
         [labelled({"stress": np.ones(shape)}, ["rollout"])],
         dataset=scored,
         seeds=(0, 1),

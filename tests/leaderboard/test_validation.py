@@ -139,15 +139,15 @@ REFUSED: dict[str, tuple[Change, str]] = {
     "seed twice": (lambda c: c["seeds"].append(0), "seed 0"),
     "NaN": (lambda c: first_scored(c).update(value=math.nan), "NaN"),
     "infinity": (lambda c: first_scored(c).update(high=math.inf), "Infinity"),
-    "unknown field": (lambda c: c.update(score=1.0), "field score"),
+    "unknown field": (lambda c: c.update(score=1.0), "'score'"),
     "list as dataset": (lambda c: c.update(dataset=[]), "dataset"),
     "list as scales": (
         lambda c: c["normalisation"].update(stress=[]),
         r"normalisation\.stress",
     ),
-    "no authors": (lambda c: c.update(authors=[]), "field authors"),
-    "script as code": (lambda c: c.update(code="javascript:alert(1)"), "field code"),
-    "value as text": (lambda c: first_scored(c).update(value="good"), r"field scores\.\d+"),
+    "no authors": (lambda c: c.update(authors=[]), "'authors'"),
+    "script as code": (lambda c: c.update(code="javascript:alert(1)"), "'code'"),
+    "value as text": (lambda c: first_scored(c).update(value="good"), r"scores\.\d+"),
     "no reason": (lambda c: first_scored(c).update(status="not_run", value=None), "reason"),
 }
 

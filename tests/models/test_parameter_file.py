@@ -51,7 +51,7 @@ def test_a_set_gives_what_the_file_leaves_out(tmp_path):
     ("content", "message"),
     [
         ("{", r"is not JSON \(line 1, column 2"),
-        ("[]", "JSON object"),
+        ("[]", "object"),
         ({"model": "j2"}, "'parameters' is missing"),
         ({"model": "csuhh", "parameters": {}}, "unknown classical model 'csuhh'"),
         ({"model": 2, "parameters": {}}, "'model' is 2"),
@@ -60,7 +60,7 @@ def test_a_set_gives_what_the_file_leaves_out(tmp_path):
          "shear_modulus, yield_stress.*parameter_set"),
         ({"model": "j2", "parameters": {**J2_VALUES, "bulk": 1.0}}, "has no parameter 'bulk'"),
         ({"model": "j2", "parameters": {**J2_VALUES, "yield_stress": "20 kPa"}},
-         "'parameters.yield_stress' is \"20 kPa\".*SI units"),
+         "'parameters.yield_stress' is \"20 kPa\".*number"),
         ({"model": "j2", "parameters": {**J2_VALUES, "yield_stress": True}},
          "'parameters.yield_stress' is true"),
         ({"model": "j2", "parameters": {**J2_VALUES, "yield_stress": -1}}, "must be above 0"),
@@ -74,7 +74,7 @@ def test_a_set_gives_what_the_file_leaves_out(tmp_path):
          "'units.yield_stress' is 1"),
         ({"model": "j2", "parameters": J2_VALUES, "parameter_set": "x"}, "no parameter set 'x'"),
         ({"model": "j2", "parameters": J2_VALUES, "note": "mine"},
-         "unknown key 'note'"),
+         "'note'.*about"),
         ('{"model": "j2", "model": "ime", "parameters": {}}', "'model' twice"),
     ],
 )  # fmt: skip

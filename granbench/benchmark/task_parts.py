@@ -1,0 +1,112 @@
+"""Parts of a task: its dataset, its splits, its ground truth, and what it may be trained on."""
+
+import json
+from collections.abc import Mapping
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+
+TRAIN, VALIDATION, TEST, OOD = "train", "validation", "test", "ood-"
+"""Names of the splits in `Task.view`; a split out of distribution begins with the last one."""
+
+Line = Annotated[
+    str, StringConstraints(min_length=1, max_length=400, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")
+]
+Names = Annotated[tuple[Line, ...], Field(min_length=1)]
+Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+Version = Annotated[str, StringConstraints(pattern=r"^\d+\.\d+\.\d+$")]
+
+
+class TaskPart(BaseModel):
+    """A part of a task, which never changes and has no other fields than those stated."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class TaskDataset(TaskPart):
+    """The records of a task, to the last bit.
+
+    Parameters
+    ----------
+    name, version : as in the registry of datasets, or as the file names itself
+    content_sha256 : hash of the values, see `granbench.records.content_hashes`
+    file : netCDF file beside the task's YAML file, for a dataset that is not registered
+    """
+
+    name: Line
+    version: Line
+    content_sha256: Sha256
+    file: Line | None = None
+
+
+class Splits(TaskPart):
+    """Splits of the dataset by what they are for; a split that is not listed is not used.
+
+    Parameters
+    ----------
+    training, validation : for the weights, and for the choice among trained models
+    test, ood : for the scores: paths of the kind that was trained on, and of other kinds
+    """
+
+    training: Names
+    validation: tuple[Line, ...] = ()
+    test: tuple[Line, ...] = ()
+    ood: tuple[Line, ...] = ()
+
+    @property
+    def scored(self) -> tuple[str, ...]:
+        """The splits that models are scored on."""
+        return (*self.test, *self.ood)
+
+    def roles(self) -> dict[str, str]:
+        """Name of each listed split in `Task.view`, by its name in the file."""
+        return (
+            dict.fromkeys(self.training, TRAIN)
+            | dict.fromkeys(self.validation, VALIDATION)
+            | dict.fromkeys(self.test, TEST)
+            | {name: name if name.startswith(OOD) else f"{OOD}{name}" for name in self.ood}
+        )
+
+    @model_validator(mode="after")
+    def _check(self) -> "Splits":
+        listed = [*self.training, *self.validation, *self.scored]
+        if twice := [name for name in listed if listed.count(name) > 1]:
+            raise ValueError(f"split {twice[0]!r} is listed twice; list each split once")
+        if not self.scored:
+            raise ValueError("test and ood are both empty; name a split to score models on")
+        return self
+
+
+class TruthModel(TaskPart):
+    """The classical model that made the records.
+
+    Parameters
+    ----------
+    model : name of the law, see `granbench models`
+    parameters : by name, SI units
+    parameter_set : published set that `parameters` replace some values of; None: all are given
+    units : by parameter name, checked against the law; may be left out
+    """
+
+    model: Line
+    parameters: Mapping[str, float] = {}
+    parameter_set: Line | None = None
+    units: Mapping[str, str] = {}
+
+    def as_attribute(self) -> str:
+        """The text of the attribute `ground_truth` of a dataset."""
+        return json.dumps(self.model_dump(mode="json", exclude_defaults=True))
+
+
+class TrainingData(TaskPart):
+    """Records that a model may be trained on.
+
+    Parameters
+    ----------
+    dataset, version : as in the registry of datasets
+    splits : those that are allowed
+    """
+
+    dataset: Line
+    version: Line
+    splits: Names
