@@ -11,7 +11,6 @@ import xarray as xr
 import yaml
 
 from granbench.benchmark.axes.embedded.metrics import NAME as EMBEDDED
-from granbench.benchmark.axes.embedded.posed import posed
 from granbench.benchmark.registry import axis_names
 from granbench.benchmark.task import Task, context_of
 from granbench.benchmark.task_registry import (
@@ -26,6 +25,7 @@ from granbench.data.registry import entry
 from granbench.data.splits import select_split, split_names
 from granbench.errors import ConfigurationError, DatasetError, RegistryError
 from granbench.fem import PROBLEMS
+from granbench.fem.build import build_problem
 from granbench.fem.statement import EMBEDDED_ANALYSES, EmbeddedAnalysis
 from granbench.leaderboard.submission import read_submission
 from granbench.models.ground_truth import ground_truth_cell
@@ -269,7 +269,7 @@ def test_axes_are_registered_and_the_context_is_what_records_give(
 
 def test_analyses_name_registered_problems_and_meshes(task: Task) -> None:
     for analysis in task.analyses:
-        problem = posed(analysis)
+        problem = build_problem(analysis)
         assert type(problem) is PROBLEMS[analysis.problem]
         assert analysis.mesh in problem.meshes
 

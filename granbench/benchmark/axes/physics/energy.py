@@ -1,4 +1,4 @@
-"""Work over closed strain cycles: what a material gives away there, it must have been given."""
+"""Work over closed strain cycles: a material cannot give work away cycle after cycle."""
 
 import torch
 from torch import Tensor
@@ -12,8 +12,9 @@ def cycle_work(cell: MaterialCell, strain: Tensor, conditions: Conditions) -> Te
     """Net work of the second of two identical strain cycles: the path and the same way back.
 
     W = closed integral of sigma : d eps, by the trapezoidal rule. In an elastic cycle it is
-    exactly zero, for the way back meets the stresses of the way out. The first cycle lets go what
-    was stored at the start; a material whose second cycle gives work away would do so for ever.
+    exactly zero, because the way back meets the stresses of the way out. The first cycle releases
+    what was stored at the start; a material whose second cycle gives work away would do so for
+    ever.
 
     Parameters
     ----------
@@ -28,6 +29,6 @@ def cycle_work(cell: MaterialCell, strain: Tensor, conditions: Conditions) -> Te
     cycle = torch.cat([strain, back], dim=1)
     stress = robust_rollout(cell, torch.cat([cycle, cycle[:, 1:]], dim=1), conditions)["stress"]
     second = stress[:, cycle.shape[1] - 1 :]
-    often = 2.0 - torch.tensor(normal_mask(cell.order), dtype=torch.float64)
+    count = 2.0 - torch.tensor(normal_mask(cell.order), dtype=torch.float64)
     mean = 0.5 * (second[:, 1:] + second[:, :-1])
-    return (mean * cycle.diff(dim=1) * often).sum(dim=(1, 2))
+    return (mean * cycle.diff(dim=1) * count).sum(dim=(1, 2))
