@@ -106,7 +106,7 @@ class FittedBaseline:
         if self._finished(request.out, about):
             return request.out
         began = time.monotonic()
-        order = component_order(tuple(map(str, records["component"].values)))
+        order = component_order(records["component"].values)
         cell = find_model(self.model)(order=order)
         space = ParameterSpace.of(searching_cell(cell))
         training, validation = (
@@ -181,7 +181,7 @@ class FittedBaseline:
         description, weights = read_model(folder)
         if description.baseline != self.name:
             raise ModelError(f"{folder}: holds a {description.baseline!r}, not a {self.name!r}")
-        order = component_order(tuple(map(str, records["component"].values)))
+        order = component_order(records["component"].values)
         if description.configuration != {"model": self.model}:
             raise ModelError(f"{folder}: its configuration is not that of {self.model!r}")
         if several := [name for name, value in weights.items() if value.numel() != 1]:
@@ -203,7 +203,7 @@ def drawn_batch(split: xr.Dataset, count: int, seed: int) -> TestBatch:
     chosen = split.isel(path=np.sort(drawn))
     history = history_of(chosen)
     return strain_batch(
-        component_order(tuple(map(str, chosen["component"].values))),
+        component_order(chosen["component"].values),
         [str(name) for name in chosen["path_id"].values],
         history.strain.numpy(),
         history.stress.numpy(),

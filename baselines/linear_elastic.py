@@ -15,6 +15,7 @@ from granbench.errors import ModelError
 from granbench.tensors import (
     COMPONENT_ORDERS,
     component_order,
+    contraction_weights,
     mean_stress,
     normal_mask,
     volumetric_strain,
@@ -25,7 +26,7 @@ class LinearElasticCell(MaterialCell):
     """dp = K d(eps_v), ds = 2 G de; the void ratio follows the volumetric strain.
 
     In the plane p and s are those of the plane, so K is K + G/3 of the solid in plane strain.
-    Grains are incompressible beside the pores, so 1 + e shrinks with the volume: for the
+    Grains are incompressible compared with the pores, so 1 + e decreases with the volume: for the
     logarithmic strain of particle records, 1 + e = (1 + e0) exp(-eps_v) exactly.
 
     Parameters
@@ -81,10 +82,10 @@ class LinearElasticCell(MaterialCell):
 def fitted_moduli(
     strain: np.ndarray, stress: np.ndarray, order: str = "principal"
 ) -> tuple[float, float]:
-    """K and G that fit the recorded increments best, in the least-squares sense.
+    """K and G of the recorded increments by least squares.
 
-    The isotropic and the deviatoric part of the residual are orthogonal, so each modulus has
-    its own quotient: K = sum(dp d(eps_v)) / sum(d(eps_v)^2), 2 G = sum(ds:de) / sum(de:de).
+    The isotropic and the deviatoric part of the residual are orthogonal, so each modulus has its
+    own quotient: K = sum(dp d(eps_v)) / sum(d(eps_v)^2), 2 G = sum(ds:de) / sum(de:de).
 
     Parameters
     ----------
@@ -99,14 +100,14 @@ def fitted_moduli(
     dstrain, dstress = np.diff(strain, axis=1), np.diff(stress, axis=1)
     volumetric, pressure = volumetric_strain(dstrain, order), mean_stress(dstress, order)
     normal = np.array(normal_mask(order))
-    count = 2.0 - normal  # of a component in the tensor: a shear component stands twice in it
+    count = np.array(contraction_weights(order))
     deviatoric_strain = dstrain - normal * (volumetric[..., None] / normal.sum())
     deviatoric_stress = dstress - normal * pressure[..., None]
     squares = np.sum(volumetric**2), np.sum(count * deviatoric_strain**2)
     if not min(squares) > 0.0:
         raise ModelError(
-            "linear-elastic cannot be fitted: the training paths never change in volume or in "
-            "shape; use a dataset that does both"
+            "linear-elastic cannot be fitted: the training paths have no volumetric or no "
+            "deviatoric strain; use a dataset with both"
         )
     bulk = np.sum(pressure * volumetric) / squares[0]
     twice_shear = np.sum(count * (deviatoric_stress * deviatoric_strain)) / squares[1]
@@ -128,7 +129,7 @@ class LinearElasticBaseline:
 
     def load(self, folder: Path | None, records: xr.Dataset) -> MaterialCell:
         """See `granbench.cells.baseline.Baseline.load`."""
-        order = component_order(tuple(map(str, records["component"].values)))
+        order = component_order(records["component"].values)
         training = select_split(records, "train")
         strain, stress = (training[name].values.astype(np.float64) for name in ("strain", "stress"))
         return LinearElasticCell(

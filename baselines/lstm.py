@@ -1,4 +1,4 @@
-"""`lstm`: the classical LSTM, which starts blank and is not told stress or void ratio."""
+"""`lstm`: the long short-term memory network, which knows neither initial stress nor void ratio."""
 
 from granbench.baselines.recurrent_baseline import REFERENCE_RECIPE, RecurrentBaseline
 from granbench.baselines.recurrent_network import RecurrentConfiguration

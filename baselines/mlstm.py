@@ -1,9 +1,8 @@
-"""`mlstm`: the LSTM whose first hidden state is made of stress, void ratio and grading.
+"""`mlstm`: the LSTM with a first hidden state computed from stress, void ratio and grading.
 
-The `reference` settings keep the layers of Table 2.4, but read the output as the change in each
-step, and let a free run start afresh after every 20 steps, the length of a training window:
-carried further, the hidden state is where it never was in training. `paper` is Table 2.4 to the
-letter.
+The `reference` settings keep the layers of Table 2.4, but the output is the change in each step,
+and a free run restarts after every 20 steps, the length of a training window, because the hidden
+state would otherwise leave the range of training. `paper` is exactly Table 2.4.
 """
 
 from granbench.baselines.recurrent_baseline import REFERENCE_RECIPE, RecurrentBaseline

@@ -17,11 +17,11 @@ from granbench.tensors import COMPONENT_ORDERS, component_order
 
 
 class OracleCell(MaterialCell):
-    """Looks the next stress and internal variables up in the records it is scored on.
+    """Takes the next stress and internal variables from the records it is scored on.
 
-    It knows its place by two scalars of the conditions that a model has no use for,
-    `path_key` and `step_index`; everything else goes through the contract, so a protocol or
-    metric that does not give it exactly zero is at fault.
+    It knows path and step from two scalars of the conditions that no model needs, `path_key` and
+    `step_index`; everything else follows the contract, so its error must be exactly zero in every
+    protocol and metric.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class OracleCell(MaterialCell):
     reads_records = True
 
     def __init__(self, records: xr.Dataset) -> None:
-        self.order = component_order(tuple(map(str, records["component"].values)))
+        self.order = component_order(records["component"].values)
         self.internals = tuple(name for name in INTERNALS if name in records)
         components = len(COMPONENT_ORDERS[self.order])
         widths = {"stress": components, **dict.fromkeys(self.internals, 1)}
@@ -54,7 +54,7 @@ class OracleCell(MaterialCell):
             rows = [self._row_of[key] for key in conditions.require("path_key").tolist()]
         except KeyError as error:
             raise ModelError(
-                "the oracle was not shown one of these paths; load it with the whole dataset"
+                "the oracle does not have one of these paths; load it with the whole dataset"
             ) from error
         row = torch.tensor(rows)
         step = conditions.require("step_index").long()
@@ -80,7 +80,7 @@ class OracleBaseline:
 
     def train(self, request: TrainingRequest) -> Path:
         """There is nothing to train."""
-        raise ModelError("the oracle has nothing to train; use its name as the model")
+        raise ModelError("oracle has nothing to train; use its name as the model")
 
     def load(self, folder: Path | None, records: xr.Dataset) -> MaterialCell:
         """See `granbench.cells.baseline.Baseline.load`."""

@@ -1,4 +1,4 @@
-"""`persistence`: stress, and void ratio where there is one, stay. The floor of every task."""
+"""`persistence`: stress and void ratio stay constant; a reference line of every task."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +13,7 @@ from granbench.tensors import COMPONENT_ORDERS, component_order
 
 
 class PersistenceCell(MaterialCell):
-    """Stress and void ratio do not change, whatever the strain.
+    """Stress and void ratio do not change with the strain.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class PersistenceBaseline:
 
     def load(self, folder: Path | None, records: xr.Dataset) -> MaterialCell:
         """See `granbench.cells.baseline.Baseline.load`."""
-        order = component_order(tuple(map(str, records["component"].values)))
+        order = component_order(records["component"].values)
         return PersistenceCell(order, has_void_ratio="void_ratio" in records)
 
 

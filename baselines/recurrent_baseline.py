@@ -1,4 +1,4 @@
-"""The recurrent baselines of Table 2.4: what they are trained on and which cell they become."""
+"""The recurrent baselines of Table 2.4: training windows and material cell."""
 
 from typing import Any
 
@@ -14,9 +14,9 @@ from granbench.baselines.training.batches import BatchSource
 from granbench.errors import ConfigurationError
 
 REFERENCE_RECIPE = Recipe(learning_rate=3e-3, schedule="cosine", epochs=30, patience=30)
-"""Of both networks, so that they are compared fairly. On `dem-triaxial` 1.0.0 the validation loss
-of the mLSTM is the same (3.1e-4) after 20, 30 or 200 epochs, of which later ones only lower the
-training loss; a falling rate must not be cut short, hence the patience."""
+"""Recipe of both networks, for a fair comparison. On `dem-triaxial` 1.0.0 the validation loss of
+the mLSTM is the same (3.1e-4) after 20, 30 or 200 epochs; later ones only lower the training loss.
+The patience lets the learning rate fall to its end."""
 
 
 class RecurrentBaseline(NetworkBaseline[RecurrentConfiguration, RecurrentNetwork]):

@@ -12,18 +12,17 @@ from granbench.errors import ModelError
 class RecurrentCell(MaterialCell):
     """The LSTM or mLSTM of Table 2.4 as a cell.
 
-    Its state holds what it last said (stress in Pa, void ratio), what it was given (grading
-    index), the chi of Eq 2.2, and the hidden state of the LSTM. Where its output is a change
-    since the start, the start is kept as `origin`; where it restarts, the steps since as `age`.
+    Its state holds its last output (stress in Pa, void ratio), the grading index, the chi of
+    Eq 2.2, and the hidden state of the LSTM. If its output is a change since the start, the start
+    is kept as `origin`; if it restarts, the steps since then as `age`.
 
-    After a true record, the mLSTM starts afresh from the last true stress and void ratio, as
-    every window does that it was trained on. The LSTM cannot: its hidden state is run along
-    the record's strain.
+    After a true record, the mLSTM restarts from the last true stress and void ratio, like every
+    training window. The LSTM cannot: its hidden state is computed along the strain of the record.
 
     Parameters
     ----------
     network : trained; it is put into evaluation mode
-    name : what the leaderboard calls it
+    name : shown on the leaderboard
     """
 
     order = "principal"
@@ -111,7 +110,7 @@ class RecurrentCell(MaterialCell):
         return stress, self.layout.pack(**parts)
 
     def _restarted(self, parts: dict[str, Tensor], due: Tensor) -> dict[str, Tensor]:
-        """What changes where a free run is due to start afresh from its own prediction."""
+        """The changed parts of the state where a free run restarts from its own prediction."""
         known = torch.cat([parts["stress"], parts["void_ratio"]], dim=-1)
         fresh = {
             "hidden": self._first_hidden(known, parts["grading_index"]),
@@ -137,7 +136,7 @@ class RecurrentCell(MaterialCell):
         return self._start(**flat).reshape(points, steps, self.layout.size)
 
     def _truth(self, history: History) -> dict[str, Tensor]:
-        """What the mLSTM starts from, at every step of a record, each (point, step, ...)."""
+        """The start of the mLSTM at every step of a record, each (point, step, ...)."""
         if "void_ratio" not in history.internals:
             raise ModelError(
                 f"{self.name!r} starts from the true void ratio, but the record has none; use a "

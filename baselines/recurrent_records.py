@@ -1,6 +1,6 @@
-"""What the recurrent networks see of a record: a table of seven inputs and four states.
+"""Records as a table of seven inputs and four states for the recurrent networks.
 
-Row n of the table holds what leads to step n (I_G, the chi of Eq 2.2 up to step n - 1, and the
+Row n of the table holds the inputs of step n (I_G, the chi of Eq 2.2 up to step n - 1, and the
 increment d_eps) and the state at step n (three stresses, void ratio).
 """
 
@@ -23,14 +23,14 @@ from granbench.errors import ModelError
 from granbench.tensors import COMPONENT_ORDERS
 
 RESIDENT_BYTES = 2**30
-"""Tables up to this size stay in memory as a whole; larger data are read as they are needed."""
+"""Largest size of a table that is kept in memory; larger data are read in parts."""
 
 PATHS_PER_BLOCK = 64
-"""Paths that are read together where not all are in memory."""
+"""Paths that are read together if not all are in memory."""
 
 
 def check_records(records: xr.Dataset) -> None:
-    """Refuse records that lack what the networks need.
+    """Refuse records without the variables that the networks need.
 
     Raises
     ------
@@ -43,13 +43,13 @@ def check_records(records: xr.Dataset) -> None:
         raise ModelError(
             f"{name}: the recurrent baselines work on principal components "
             f"{', '.join(COMPONENT_ORDERS['principal'])}, but it has {', '.join(labels)}; "
-            "train gru on it, or give a --task such as dem-triaxial"
+            "use gru, or a dataset such as dem-triaxial"
         )
     for variable in ("void_ratio", "grading_index"):
         if variable not in records.variables:
             raise ModelError(
-                f"{name}: variable {variable!r} is missing, which the recurrent baselines need; "
-                "use a dataset that has it"
+                f"{name}: variable {variable!r} is missing, but the recurrent baselines need "
+                "it; use a dataset with it"
             )
 
 
@@ -77,7 +77,7 @@ def raw_table(
 
 
 def tables(records: xr.Dataset) -> Iterator[Tensor]:
-    """The raw tables of all paths, some paths at a time, (path, step, `WIDTH`), float64."""
+    """The raw tables of all paths, block by block, (path, step, `WIDTH`), float64."""
     for first in range(0, records.sizes["path"], PATHS_PER_BLOCK):
         block = history_of(records.isel(path=slice(first, first + PATHS_PER_BLOCK)))
         yield raw_table(
@@ -90,7 +90,7 @@ def tables(records: xr.Dataset) -> Iterator[Tensor]:
 
 
 def fit_scaling(scaling: Scaling, training: xr.Dataset, lag: int) -> None:
-    """Set means and scales from the training paths, some paths at a time.
+    """Set means and scales from the training paths, block by block.
 
     Parameters
     ----------
@@ -168,9 +168,9 @@ def window_source(
     records : one split
     scaling : already fitted
     length : predicted steps of a window
-    device : where batches are wanted
-    resident_bytes : records whose table is larger are read from their file as they are needed;
-        `RESIDENT_BYTES` where None
+    device : of the batches
+    resident_bytes : records with a larger table are read from their file in parts;
+        `RESIDENT_BYTES` if None
     """
     paths, steps = records.sizes["path"], records.sizes["step"]
     starts = steps - length

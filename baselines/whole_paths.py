@@ -207,7 +207,7 @@ class PathBaseline(NetworkBaseline[Any, Any]):
 
     def fitted_to(self, configuration: PathConfiguration, records: xr.Dataset) -> PathConfiguration:
         """See `NetworkBaseline.fitted_to`: in the component order of the records."""
-        order = component_order(tuple(map(str, records["component"].values)))
+        order = component_order(records["component"].values)
         return replace(configuration, order=order)  # type: ignore[arg-type]
 
     def configuration_of(self, settings: dict[str, Any]) -> PathConfiguration:

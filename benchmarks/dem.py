@@ -28,7 +28,8 @@ from granbench.generators.dem.design import DATASETS, TriaxialPreset
 from granbench.generators.dem.diameters import realise_grading
 from granbench.generators.dem.generator import jobs as triaxial_jobs
 from granbench.generators.dem.gradings import GRADINGS
-from granbench.generators.dem.preparation import PreparedSpecimen, prepare_specimen
+from granbench.generators.dem.preparation import prepare_specimen
+from granbench.generators.dem.specimen import PreparedSpecimen
 from granbench.generators.dem.triaxial import run_test
 from granbench.paths import ConstantMeanStress
 

@@ -1,4 +1,4 @@
-"""Component orders, invariants and signs: the only place that knows them.
+"""Component orders, invariants and signs; no other module states them.
 
 Stress and strain are compression positive and the last axis holds the components; shear
 components are tensor components (eps_xy, not gamma_xy). Every function takes NumPy arrays,
@@ -30,8 +30,8 @@ PRINCIPAL_DIRECTIONS: dict[str, dict[str, str]] = {
     "plane": {"11": "yy", "33": "xx"},
     "full": {"11": "yy", "22": "zz", "33": "xx"},
 }
-"""Where the directions of a principal loading programme lie in each order: the axial one is y,
-which points up, the minor one is x, and the intermediate one points out of the plane."""
+"""Directions of a principal loading programme in each order: the axial one is y, which points up,
+the minor one is x, and the intermediate one points out of the plane."""
 
 
 def component_order(components: Iterable[object]) -> str:
@@ -46,13 +46,13 @@ def component_order(components: Iterable[object]) -> str:
     ConfigurationError
         If no order has these labels.
     """
-    components = tuple(map(str, components))
+    given = tuple(map(str, components))
     for name, labels in COMPONENT_ORDERS.items():
-        if labels == components:
+        if labels == given:
             return name
     known = "; ".join(f"{name}: {', '.join(labels)}" for name, labels in COMPONENT_ORDERS.items())
     raise ConfigurationError(
-        f"components {', '.join(components)} follow no known order; use one of {known}"
+        f"components {', '.join(given)} follow no known order; use one of {known}"
     )
 
 
@@ -67,7 +67,7 @@ def normal_mask(order: str) -> tuple[float, ...]:
 
 
 def contraction_weights(order: str) -> tuple[float, ...]:
-    """How often a component of the order stands in the tensor: 1, or 2 for a shear component.
+    """Number of times that each component occurs in the tensor: 1, or 2 for a shear component.
 
     These are the weights of a double contraction: a : b = sum of weight a b.
     """

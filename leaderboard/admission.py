@@ -1,4 +1,4 @@
-"""What the board takes: one examination for `submission validate` and for `leaderboard add`."""
+"""Admission to the board: the checks of `submission validate` and of `leaderboard add`."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -29,12 +29,12 @@ MINIMUM_SEEDS = 3
 
 @dataclass(frozen=True)
 class Objection:
-    """Why the board does not take a submission.
+    """A reason why the board does not accept a submission.
 
     Parameters
     ----------
     text : a sentence without the file's name, with the remedy
-    flagged : whether it was found to be a copy, which a maintainer's word may settle
+    flagged : whether it looks like a copy, which a maintainer can accept by stating a reason
     """
 
     text: str
@@ -43,12 +43,12 @@ class Objection:
 
 @dataclass(frozen=True)
 class Examination:
-    """A valid submission, and what the board has against it.
+    """A valid submission, and the objections of the board to it.
 
     Parameters
     ----------
     validated : with the recomputed numbers
-    objections : none where the board takes it
+    objections : empty if the board accepts it
     """
 
     validated: Validated
@@ -56,7 +56,7 @@ class Examination:
 
     @property
     def submission(self) -> Submission:
-        """As the board would store it."""
+        """The submission as the board would store it."""
         return self.validated.submission
 
 
@@ -69,7 +69,7 @@ def examine(
     replace: bool = False,
     progress: Progress | None = None,
 ) -> Examination:
-    """Validate a submission, and find out whether the board takes it.
+    """Validate a submission, and find out whether the board accepts it.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def examine(
     Raises
     ------
     SubmissionError
-        If it is not valid, whatever the board has.
+        If it is not valid, whatever is on the board.
     """
     validated = recompute(file, dataset, task=task, progress=progress)
     errors = errors_of(validated.predictions, validated.records)
@@ -106,19 +106,19 @@ def examine(
 
 
 def _deterministic(validated: Validated) -> bool | None:
-    """Whether the seeds of a model only drive the noise: recomputed, never taken from the file."""
+    """Whether the seeds of a model only draw the noise: recomputed, never taken from the file."""
     return is_deterministic(validated.submission.scores) or None
 
 
 def _incomplete(submission: Submission) -> Iterator[Objection]:
     if len(submission.seeds) < MINIMUM_SEEDS:
         yield Objection(
-            f"the board needs at least {MINIMUM_SEEDS} seeds, which draw the noise for a "
-            f"deterministic model too; this has {len(submission.seeds)}, evaluate more"
+            f"the board needs at least {MINIMUM_SEEDS} seeds, also for a deterministic model, "
+            f"whose seeds draw the noise; this has {len(submission.seeds)}, evaluate more"
         )
     if left_out := [score for score in submission.scores if score.status == "not_run"]:
         yield Objection(
-            f"axis {left_out[0].axis} was left out; the board needs every axis, run "
+            f"axis {left_out[0].axis} was left out; the board needs every axis of the task, run "
             "`granbench evaluate` without --axis"
         )
 
@@ -132,12 +132,12 @@ def _name_taken(
     if any(row.file == target for row in rows):
         yield Objection(
             f"{submission.name!r} is on the board of {submission.task} already; choose another "
-            "name, or give --replace"
+            "name, or replace that row"
         )
 
 
 def _exempt(submission: Submission) -> bool:
-    """Whether a submission may be near to the truth: a ceiling, or a classical model, run again."""
+    """Whether a submission may be close to the truth: a ceiling, or a classical model."""
     model = submission.model
     return submission.role == "ceiling" or (model is not None and is_classical(model.baseline))
 
@@ -151,8 +151,8 @@ def _of_truth(validated: Validated, errors: Errors | None) -> Iterator[Objection
     ]
     if found:
         yield Objection(
-            f"it is too near to the truth for a model: {found[0]}; submit what a model predicts, "
-            "or, for a classical model, the model itself (--keep model)",
+            f"it is too close to the truth for a model: {found[0]}; submit what a model predicts, "
+            "or, for a classical model, the model itself (`granbench evaluate --keep model`)",
             flagged=True,
         )
 
@@ -165,7 +165,7 @@ def _of_seeds(validated: Validated, errors: Errors | None) -> Iterator[Objection
         one, other = (submission.seeds[place] for place in pairs[0])
         yield Objection(
             f"seeds {one} and {other} are one model: their predictions are the same, or much "
-            "nearer to each other than to the truth; train a model for each seed, or submit one "
+            "closer to each other than to the truth; train a model for each seed, or submit one "
             "deterministic model",
             flagged=True,
         )
@@ -188,12 +188,13 @@ def _of_rows(
         elif (submission.role, other.role) == ("ceiling", "ceiling"):
             if _same_task(submission, other):
                 yield Objection(
-                    f"the board of {submission.task} has its ceiling, {other.name!r}", flagged=True
+                    f"the board of {submission.task} has a ceiling already, {other.name!r}",
+                    flagged=True,
                 )
         elif not _exempt(submission) and _copied(validated, errors, row):
             yield Objection(
                 f"its predictions are those of {other.name!r}, which is on the board already, or "
-                "much nearer to them than to the truth; submit a model once",
+                "much closer to them than to the truth; submit a model once",
                 flagged=True,
             )
 
@@ -214,12 +215,12 @@ def _copied(validated: Validated, errors: Errors | None, row: Row) -> bool:
         predictions = open_predictions(row.file.parent / row.submission.predictions.file)
         theirs = errors_of(predictions, validated.records)
     except GranbenchError:
-        return False  # a damaged row is found when the site is built
+        return False  # a damaged row is reported when the site is built
     return theirs is not None and bool(copied_seeds(errors, theirs))
 
 
 def _evidence(submission: Submission) -> tuple[object, ...]:
-    """What no two submissions may share."""
+    """The files that no two submissions may share, by digest."""
     model = submission.model
     if model is None:
         return (submission.predictions.sha256 if submission.predictions else None,)

@@ -66,7 +66,7 @@ def accept(
         board already, or the folder cannot be written to.
     """
     if word is not None and not 1 <= len(word.strip()) <= LONGEST_WORD:
-        raise SubmissionError(f"word must be a sentence of 1 to {LONGEST_WORD} characters")
+        raise SubmissionError(f"the reason must be a sentence of 1 to {LONGEST_WORD} characters")
     examination = examine(file, folder, dataset, task=task, replace=replace, progress=progress)
     refuse_objections(file, examination, word)
     submission = examination.submission
@@ -108,8 +108,8 @@ def refuse_objections(file: Path, examination: Examination, word: str | None) ->
             raise SubmissionError(f"{file}: {objection.text}")
         if word is None:
             raise SubmissionError(
-                f"{file}: {objection.text}; if it is honest, a maintainer may accept it and say "
-                "why (--word)"
+                f"{file}: {objection.text}; if it is a model of its own all the same, a maintainer "
+                "may accept it with `granbench leaderboard add --reason`"
             )
 
 

@@ -1,4 +1,4 @@
-"""From predictions to the files of a submission."""
+"""Write a submission: score predictions and store them, or the model, beside the scores."""
 
 import os
 import re
@@ -33,7 +33,7 @@ from granbench.leaderboard.submission import (
 
 
 def check_target(out: Path) -> Path:
-    """Make sure, before hours of work, that a submission can be written to `out`.
+    """Check before a long evaluation that a submission can be written to `out`.
 
     Returns
     -------
@@ -45,17 +45,17 @@ def check_target(out: Path) -> Path:
         If the name does not end in .json, or the folder cannot be written to.
     """
     if out.suffix != ".json":
-        raise ConfigurationError(f"--out {out} must end in .json")
+        raise ConfigurationError(f"{out} must end in .json")
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", out.name):
         raise ConfigurationError(
-            f"--out {out.name!r} may hold letters, digits, dots, dashes and underscores only"
+            f"{out.name!r} may hold letters, digits, dots, dashes and underscores only"
         )
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=out.parent):
             pass
     except OSError as error:
-        raise ConfigurationError(f"--out {cannot_write(out, error)}") from error
+        raise ConfigurationError(cannot_write(out, error)) from error
     return out.with_suffix(".nc")
 
 
@@ -70,7 +70,7 @@ def compose(
 ) -> Submission:
     """Score predictions as they are stored, and write the submission with its predictions or model.
 
-    All files appear, or none.
+    Either all files are written, or none.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""The model beside a submission: put there, taken along, and made to run again.
+"""The model beside a submission: write its files, copy them, and load them to run it again.
 
-Only data is taken: the parameters of a classical model, or what a baseline of GranBench itself was
-trained to. The code that runs them is the checkout's own; nobody else's is ever imported.
+A model's files hold only data: the parameters of a classical model, or the trained weights of a
+baseline of GranBench. The code that runs them is GranBench's own; no user code is imported.
 """
 
 import shutil
@@ -22,7 +22,7 @@ from granbench.models.parameter_file import write_parameters
 
 PARAMETERS = "parameters.json"
 TRAINED_FILES = (DESCRIPTION_FILE, "model.safetensors", PARAMETERS)
-"""What a trained baseline may consist of; its other files are of the training."""
+"""Files that a trained baseline may have; others in its folder belong to the training."""
 
 
 def require_data_only(candidate: FoundModel) -> None:
@@ -31,7 +31,7 @@ def require_data_only(candidate: FoundModel) -> None:
     Raises
     ------
     SubmissionError
-        If it is more than that.
+        If it needs code of its own.
     """
     if candidate.baseline is not None:
         _require_own(candidate.baseline.name)
@@ -54,7 +54,7 @@ def _classical(candidate: FoundModel) -> ClassicalCell:
 
 
 def export(candidate: FoundModel, folder: Path, name: str) -> ModelReference:
-    """Put a model beside a submission.
+    """Write the files of a model beside a submission.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def export(candidate: FoundModel, folder: Path, name: str) -> ModelReference:
 
     Returns
     -------
-    What the submission says of it
+    The reference to them in the submission
 
     Raises
     ------
@@ -91,8 +91,8 @@ def export(candidate: FoundModel, folder: Path, name: str) -> ModelReference:
 def _require_own(baseline: str) -> None:
     if not BASELINES.own(baseline):
         raise SubmissionError(
-            f"{baseline!r} is no baseline of GranBench itself, and no other code is run; keep its "
-            "predictions"
+            f"{baseline!r} is not a baseline of GranBench itself, and no other code is run; keep "
+            "its predictions"
         )
 
 
@@ -138,7 +138,7 @@ def moved(reference: ModelReference, folder: Path, target: Path, name: str) -> M
 def restored(
     reference: ModelReference, submission: Path, seeds: Sequence[int], records: xr.Dataset
 ) -> Iterator[FoundModel]:
-    """The model as it was evaluated, from its files.
+    """Load the model of a submission, as it was evaluated, from its files.
 
     Parameters
     ----------
@@ -150,15 +150,15 @@ def restored(
     Raises
     ------
     SubmissionError
-        If a file is missing, is not the one that was submitted, or is no model; or if the
-        baseline is not GranBench's own.
+        If a file is missing, damaged or not the one that was submitted, or the baseline is not
+        GranBench's own.
     """
     if reference.baseline is not None:
         _require_own(reference.baseline)
     for file in reference.files:
         _check(file, submission)
     with tempfile.TemporaryDirectory() as private:
-        # Only what was checked is where the model is loaded from.
+        # The model is loaded from copies of the files that were checked.
         for file in reference.files:
             _copied(submission.parent / file.path, _place(file, Path(private)))
         try:
@@ -173,7 +173,8 @@ def _check(file: ModelFile, submission: Path) -> None:
     path = submission.parent / file.path
     if path.name not in TRAINED_FILES:
         raise SubmissionError(
-            f"{submission}: {file.path} is no file of a model; those are {', '.join(TRAINED_FILES)}"
+            f"{submission}: {file.path} is not a file of a model; those are "
+            f"{', '.join(TRAINED_FILES)}"
         )
     if not path.is_file():
         raise SubmissionError(
@@ -181,8 +182,8 @@ def _check(file: ModelFile, submission: Path) -> None:
         )
     if path.stat().st_size != file.bytes or file_digest(path) != file.sha256:
         raise SubmissionError(
-            f"{submission}: {file.path} is not the file that its digest was made of; submit the "
-            "model that the scores were made with"
+            f"{submission}: {file.path} does not have the size and SHA-256 that the submission "
+            "states; submit the model that was evaluated"
         )
 
 
@@ -206,5 +207,5 @@ def _candidate(
 def _require_seeds(trained: Mapping[int | None, Path], seeds: Sequence[int]) -> None:
     if trained and list(trained) != list(seeds):
         raise SubmissionError(
-            f"seeds are {list(seeds)}, but its files are of {list(trained)}; they must agree"
+            f"seeds are {list(seeds)}, but its files belong to {list(trained)}; they must agree"
         )

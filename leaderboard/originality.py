@@ -1,9 +1,9 @@
 """Copies and near-copies: of the truth, of another row, and of one model under several seeds.
 
 Predictions are compared as numbers, rounded as a predictions file stores them: another attribute,
-one changed value or another order of the seeds makes no new model. What is found needs a
-maintainer's word before the board takes it. A classical model that is run again is exempt: fitted
-to the records of its own law it gives them again, honestly.
+one changed value or another order of the seeds does not make a new model. A submission that is
+flagged here needs a maintainer's reason before the board accepts it. A classical model that is run
+again is exempt: fitted to the records of its own law, it reproduces them.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,30 +25,31 @@ from granbench.errors import DatasetError, ModelError
 from granbench.models import MODELS
 
 IDENTICAL_SHARE = 0.5
-"""Of the stored values of whole paths, from which on two predictions are one. Two honest models
-share a value to 15 bits about once in ten thousand times their relative error."""
+"""Share of equal stored values along whole paths above which two predictions are the same. Two
+independent models agree in a value to 15 bits about once in ten thousand times their relative
+error."""
 
 EXTRAORDINARY = 1e-6
-"""Mean squared error of whole paths, in training variances, below which a model needs a
-maintainer's word: a thousandth of a standard deviation along paths that it never saw. The networks
-on the board reach 1e-3; what comes lower has so far been the law that made the records, or the
-records."""
+"""Mean squared error of whole paths, in training variances, below which a model is flagged:
+a thousandth of a standard deviation along paths that it was not trained on. The networks on the
+board reach 1e-3; lower errors have so far come from the law that made the records, or from the
+records themselves."""
 
 CLOSER = 0.01
 """Mean square of the difference of two models over that of their errors, below which one is a copy
-of the other: ten times nearer to each other than to the truth."""
+of the other: they are ten times closer to each other than to the truth."""
 
 WHITE = 0.3
 """Correlation of the errors of neighbouring steps below which they are noise added to the truth.
 A model's error grows and turns along a path: it is above 0.9 for every row of the board."""
 
 SAME_SCORE = 1e-3
-"""Relative difference of two scores that are of one model."""
+"""Largest relative difference of two scores of the same model."""
 
 
 @dataclass(frozen=True)
 class Errors:
-    """What a model predicted of whole paths, in training standard deviations.
+    """Predictions of a model along whole paths, and their errors in training standard deviations.
 
     Parameters
     ----------
@@ -127,7 +128,7 @@ def copied_protocols(predictions: xr.Dataset, records: xr.Dataset) -> Iterator[s
 
 
 def near_truth(errors: Errors, records: xr.Dataset) -> Iterator[str]:
-    """Why predictions are too near to the truth to be a model's, each in a clause.
+    """Reasons why predictions are too close to the truth to come from a model, each a clause.
 
     Parameters
     ----------
@@ -138,11 +139,11 @@ def near_truth(errors: Errors, records: xr.Dataset) -> Iterator[str]:
     floor = _floor(records)
     if mse < floor:
         yield (
-            f"its mean squared error along whole paths, {mse:.2g}, is below {floor:.2g}, what "
-            "packings made alike differ by or a thousandth of a standard deviation leaves"
+            f"its mean squared error along whole paths, {mse:.2g}, is below {floor:.2g}, the "
+            "scatter between packings made alike or a thousandth of a standard deviation"
         )
     elif (left := _left_of_scaled_truth(errors)) < EXTRAORDINARY:
-        yield f"it is the records times a factor, but for a mean square of {left:.2g}"
+        yield f"it is the records times a factor, up to a mean square of {left:.2g}"
     elif (correlation := _along_the_path(errors.error)) < WHITE:
         yield (
             "its errors look like noise added to the records: those of neighbouring steps have a "
@@ -158,9 +159,9 @@ def _floor(records: xr.Dataset) -> float:
 
 
 def _left_of_scaled_truth(errors: Errors) -> float:
-    """Share of the truth's variance that the predictions times a factor leave, least seed.
+    """Smallest share, over seeds, of the truth's variance that the predictions do not explain.
 
-    Each component has a factor and a constant of its own; predictions that never change leave all.
+    The predictions are scaled by a factor and shifted by a constant for each component.
     """
     axes = (0, 1)
     true = errors.true - errors.true.mean(axis=axes)
@@ -207,10 +208,10 @@ def _copies(one: Errors, first: int, other: Errors, second: int) -> bool:
 
 
 def same_scores(one: Sequence[Score], other: Sequence[Score]) -> bool:
-    """Whether two scorecards are of one model, as far as the errors of its seeds tell.
+    """Whether two scorecards are of the same model, as far as the errors of its seeds show it.
 
-    For rows without predictions: the mean errors along recorded paths, of every protocol without
-    noise, split, family and component, of any seed of the one and any of the other.
+    Used for rows without predictions. It compares the mean errors along recorded paths, for every
+    protocol without noise, split, family and component, of each seed of one with each of the other.
     """
     mine, theirs = _mean_errors(one), _mean_errors(other)
     shared = sorted(mine.keys() & theirs.keys())
@@ -240,11 +241,11 @@ def _seeded(score: Score) -> bool:
 
 
 def is_deterministic(scores: Sequence[Score]) -> bool:
-    """Whether a model has one answer for all of its seeds, which then only drive the noise.
+    """Whether a model gives the same answers for all of its seeds, which then only draw the noise.
 
     Parameters
     ----------
-    scores : of a submission; where it has one seed alone, nothing is known
+    scores : of a submission; one seed alone shows nothing, and gives False
     """
     compared = [
         score.by_seed for score in scores if score.status == "scored" and _tells_seeds_apart(score)

@@ -1,4 +1,4 @@
-"""The scatter between packings of the boards' datasets: the floor of every honest model."""
+"""The scatter between packings of a board's dataset: a lower bound of a model's error."""
 
 from collections.abc import Iterable
 
@@ -11,9 +11,9 @@ from granbench.leaderboard.submission import DatasetReference
 def replicate_scatters(
     datasets: Iterable[DatasetReference],
 ) -> dict[tuple[str, str], ReplicateScatter]:
-    """The scatter of each dataset that is at hand and has replicates, by (name, version).
+    """The scatter of each dataset that is available and has replicates, by (name, version).
 
-    A board can be built without: then its pages lack the reference line.
+    The pages of other datasets are built without the reference line.
     """
     found: dict[tuple[str, str], ReplicateScatter] = {}
     for name, version in dict.fromkeys((item.name, item.version) for item in datasets):

@@ -1,4 +1,4 @@
-"""What a model may cost that is run again: checked from what it declares, before it is built."""
+"""The budget of a model that is run again, checked from its files before the model is built."""
 
 import json
 import math
@@ -16,10 +16,10 @@ from granbench.leaderboard.submission import ModelFile, ModelReference
 MOST_SEEDS = 10
 FILES_PER_SEED = 3
 MOST_BYTES = 64_000_000
-"""Of all files of a model together."""
+"""Size of all files of a model together."""
 
 MOST_PARAMETERS = 2_000_000
-"""Of one seed. The networks of GranBench have up to 15,000."""
+"""Parameters of one seed. The networks of GranBench have up to 15,000."""
 
 MOST_TENSORS = 1_000
 LARGEST_HEADER = 1_000_000
@@ -31,18 +31,18 @@ LARGEST_SEED = 2**63 - 1
 
 
 def check_budget(seeds: Sequence[int], model: ModelReference, path: Path) -> None:
-    """Refuse a model that is larger than what is run again.
+    """Refuse a model that exceeds the budget of a rerun.
 
     Parameters
     ----------
     seeds : of the submission
-    model : what the submission says of its model
+    model : the reference in the submission
     path : the submission's JSON file, the model's files beside it
 
     Raises
     ------
     SubmissionError
-        Naming what is too large, and the budget.
+        If it is too large; the text names the size and the limit.
     """
     if len(seeds) > MOST_SEEDS:
         raise SubmissionError(
@@ -87,7 +87,7 @@ def _check_file(file: ModelFile, path: Path) -> None:
 
 
 def _header(place: Path, size: int) -> Any:
-    """What a safetensors file says of its tensors; None where it is damaged."""
+    """The header of a safetensors file; None if it is damaged."""
     with place.open("rb") as handle:
         length = int.from_bytes(handle.read(8), "little")
         if length > size:
@@ -103,7 +103,7 @@ def _header(place: Path, size: int) -> Any:
 def _check_tensors(header: Any, file: ModelFile, path: Path) -> None:
     if not isinstance(header, dict):
         raise SubmissionError(
-            f"{path}: {file.path} is damaged or not a safetensors file; copy it anew"
+            f"{path}: {file.path} is damaged or not a safetensors file; copy it again"
         )
     tensors = {name: about for name, about in header.items() if name != "__metadata__"}
     count = sum(_elements(about) for about in tensors.values())
@@ -127,11 +127,11 @@ def _short(number: int) -> str:
 
 @contextmanager
 def time_limit(seconds: float, path: Path) -> Iterator[None]:
-    """End what takes too long; outside of the main thread nothing is limited.
+    """Stop a run that takes too long; outside of the main thread there is no limit.
 
     Parameters
     ----------
-    seconds : of wall-clock time
+    seconds : wall-clock time
     path : the submission, for the message
 
     Raises
@@ -150,7 +150,7 @@ def time_limit(seconds: float, path: Path) -> Iterator[None]:
         )
 
     before = signal.signal(signal.SIGALRM, over)
-    # Again and again: what a model raises inside an analysis may count as its failure there.
+    # Repeatedly, because an exception inside an analysis can be taken for a failure of the model.
     signal.setitimer(signal.ITIMER_REAL, seconds, 5.0)
     try:
         yield

@@ -33,7 +33,7 @@ def rerun(
     records : the whole dataset of its task, see `granbench.benchmark.task.Task.view`
     path : the submission's JSON file, the model beside it
     progress : called after each part
-    task : gives the embedded analyses; None for none
+    task : gives the axes and the embedded analyses; None for the records alone
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Validate rows of the board again: those that a change touches, or all of them.
+"""Validate rows of the board again: the changed ones, or all of them.
 
-A row counts as touched where it, apart from its seal, or a file beside it differs from an earlier
-commit. What was found valid is written down, so that an interrupted run goes on where it stopped.
+A row has changed if it, apart from its seal, or a file beside it differs from an earlier commit.
+Valid rows are listed in a file, so that an interrupted run continues where it stopped.
 """
 
 import json
@@ -25,13 +25,13 @@ BRANCHES = ("origin/main", "main")
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one row.
+    """The result of validating one row.
 
     Parameters
     ----------
     file : of the row
-    complaint : None where it is valid
-    known : whether an earlier run had found it valid
+    complaint : why it is not valid; None if it is
+    known : whether an earlier run found it valid
     """
 
     file: Path
@@ -51,12 +51,12 @@ def revalidate(
     ----------
     rows : of the board
     folder : the board's
-    state : file in which valid rows are written down; None to write nothing down
-    progress : called with a row before it is validated, for what `examine` calls
+    state : file that lists valid rows; None for no such file
+    progress : called with a row before it is validated, and gives the `progress` of `examine`
 
     Returns
     -------
-    The outcome of each, as soon as it is known
+    The outcome of each, one after the other
     """
     done = _read(state)
     for row in rows:
@@ -80,9 +80,9 @@ def _complaint(row: Row, folder: Path, progress: Progress | None) -> str | None:
     stored = row.submission
     if examination.submission.badge != stored.badge:
         return f"{row.file}: its badge is {stored.badge!r}, not {examination.submission.badge!r}"
-    accepted_by_word = stored.acceptance is not None and stored.acceptance.word is not None
+    accepted_with_reason = stored.acceptance is not None and stored.acceptance.word is not None
     for objection in examination.objections:
-        if objection.flagged and not accepted_by_word:
+        if objection.flagged and not accepted_with_reason:
             return f"{row.file}: {objection.text}"
     return None
 
@@ -128,7 +128,7 @@ def _differs(row: Row, top: Path, base: str, names: set[str]) -> bool:
 
 
 def _unsealed(submission: Submission) -> Submission:
-    """A row without its digest; a maintainer's word stays."""
+    """The row without its digest, but with a maintainer's reason."""
     acceptance = submission.acceptance
     word = acceptance.word if acceptance else None
     if acceptance is None or word is None:
@@ -164,7 +164,7 @@ def _git(folder: Path, *arguments: str) -> str:
     except subprocess.CalledProcessError as error:
         first = (error.stderr.strip().splitlines() or ["no reason given"])[0]
         raise ConfigurationError(
-            f"git {arguments[0]} failed in {folder} ({first}); give a commit of this checkout"
+            f"git {arguments[0]} failed in {folder} ({first}); name a commit of this checkout"
         ) from error
     return done.stdout.strip()
 
@@ -178,7 +178,7 @@ def _read(state: Path | None) -> set[str]:
         return set(map(str, valid)) if content["granbench"] == __version__ else set()
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise ConfigurationError(
-            f"{state} is not a list of validated rows ({error}); remove it to begin anew"
+            f"{state} is not a list of validated rows ({error}); remove it to start again"
         ) from error
 
 

@@ -1,10 +1,10 @@
 """The seal of a row: a digest of the row and of the files that its scores rest on.
 
-It is made when the board accepts a row, and checked whenever the site is built, so that nobody
-changes a number, a badge or a file there without validating the row again.
+It is made when the board accepts a row, and checked whenever the site is built, so that a number, a
+badge or a file can only be changed by validating the row again.
 
-``python -m granbench.leaderboard.sealing`` seals the rows of the checkout that were accepted before
-there were seals, as they are.
+``python -m granbench.leaderboard.sealing`` seals rows of the checkout that were accepted before
+seals were introduced.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ from granbench.leaderboard.submission import (
 
 
 def row_digest(submission: Submission, folder: Path) -> str:
-    """SHA-256 over a row, without its seal, and over the files beside it.
+    """SHA-256 of a row without its seal, and of the files beside it.
 
     Parameters
     ----------
@@ -52,13 +52,13 @@ def row_digest(submission: Submission, folder: Path) -> str:
 
 
 def sealed(submission: Submission, folder: Path, word: str | None = None) -> Submission:
-    """A row with its seal.
+    """Seal a row.
 
     Parameters
     ----------
     submission : the row
     folder : where its files lie
-    word : why a maintainer accepted what the checks had flagged
+    word : why a maintainer accepted a submission that the checks flagged
     """
     blank = Acceptance(digest="0" * 64, word=word)
     digest = row_digest(submission.model_copy(update={"acceptance": blank}), folder)
@@ -66,12 +66,12 @@ def sealed(submission: Submission, folder: Path, word: str | None = None) -> Sub
 
 
 def require_seal(submission: Submission, file: Path) -> None:
-    """Make sure that a row is as it was accepted.
+    """Make sure that a row is unchanged since it was accepted.
 
     Raises
     ------
     SubmissionError
-        If it has no seal, or it or one of its files has changed.
+        If it has no seal, or it or one of its files was changed.
     """
     if submission.acceptance is None:
         raise SubmissionError(
@@ -80,7 +80,7 @@ def require_seal(submission: Submission, file: Path) -> None:
         )
     if submission.acceptance.digest != row_digest(submission, file.parent):
         raise SubmissionError(
-            f"{file}: the row or a file beside it was changed after the board had accepted it; add "
+            f"{file}: the row or a file beside it was changed after it was accepted; add "
             "the submission again with `granbench leaderboard add --replace`"
         )
 

@@ -1,4 +1,4 @@
-"""What a page can show of a submission that nobody has validated."""
+"""Checks of a submission that was not validated, so that a page can show it."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -8,24 +8,24 @@ from granbench.errors import SubmissionError
 from granbench.leaderboard.submission import Submission
 
 LARGEST = 1e12
-"""Of a score. Errors are at most 100, times a year, counts of parameters a billion."""
+"""Largest score. Errors are at most 100, times a year, numbers of parameters a billion."""
 
 LONGEST_HORIZON = 1_000_000
 MOST_SCORES = 20_000
 
 
 def require_showable(submission: Submission, file: Path) -> None:
-    """Make sure that pages can be made of a submission, whatever it claims.
+    """Make sure that a page can show a submission, whatever it claims.
 
     Parameters
     ----------
     submission : with the badge `claimed`
-    file : it was read from, for the message
+    file : where it was read from, for the message
 
     Raises
     ------
     SubmissionError
-        Naming the first score or curve that no evaluation can have written.
+        If a score or curve cannot come from an evaluation; the text names the first one.
     """
     if len(submission.scores) + len(submission.curves) > MOST_SCORES:
         raise _refused(file, f"it has more than {MOST_SCORES:,} scores and curves")
@@ -66,7 +66,7 @@ def _of_curve(curve: Curve) -> str | None:
     if not horizon or horizon[0] < 1 or horizon[-1] > LONGEST_HORIZON:
         return f"its horizon must have steps from 1 to {LONGEST_HORIZON:,}"
     if any(one >= other for one, other in pairwise(horizon)):
-        return "its horizon must rise"
+        return "its horizon must increase"
     if any(not 0.0 <= number <= LARGEST for number in (*curve.value, *curve.low, *curve.high)):
         return f"its values must lie between 0 and {LARGEST:g}"
     return None

@@ -1,4 +1,4 @@
-"""The submission: one JSON file that says what a model scored and how to check it."""
+"""The submission: one JSON file with the scores of a model and what is needed to check them."""
 
 import hashlib
 import json
@@ -134,7 +134,7 @@ class Acceptance(_Record):
 
 
 class About(_Record):
-    """What a submitter says of a model."""
+    """What a submitter states about a model."""
 
     name: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._+-]{0,63}$")]
     title: Line | None = Field(default=None, description="one line about the model")
@@ -157,17 +157,17 @@ class About(_Record):
 
     @classmethod
     def checked(cls, **fields: Any) -> "About":
-        """The same, complaining in a sentence.
+        """The same from fields, with a one-sentence error.
 
         Raises
         ------
         ConfigurationError
-            If a field is not what the schema asks for.
+            If a field does not follow the schema.
         """
         try:
             return cls(**fields)
         except ValidationError as error:
-            raise ConfigurationError(f"of the submission, {first_complaint(error)}") from error
+            raise ConfigurationError(f"the submission's {first_complaint(error)}") from error
 
 
 class Submission(About):
@@ -294,11 +294,11 @@ def _version(package: str) -> str:
 
 
 def first_complaint(error: ValidationError) -> str:
-    """What pydantic says first: the field and what is wrong with it."""
+    """The first error that pydantic found: the field and what is wrong with it."""
     first = error.errors()[0]
     place = ".".join(str(part) for part in first["loc"])
     message = first["msg"].removeprefix("Value error, ")
-    if first["type"] in ("model_type", "dict_type"):  # pydantic speaks of Python here
+    if first["type"] in ("model_type", "dict_type"):  # pydantic names Python types here
         message = "must be a JSON object"
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     return f"field {place}: {message}{more}" if place else f"{message}{more}"

@@ -45,7 +45,7 @@ class TrainableNetwork(Protocol):
 
 @dataclass(frozen=True)
 class TrainingOutcome:
-    """How a run ended.
+    """Result of a training run.
 
     Parameters
     ----------

@@ -125,7 +125,7 @@ def _restore_moments(
 ) -> None:
     for name, parameter in network.named_parameters():
         optimiser.state[parameter] = {
-            # The step counter of fused Adam is a float32 tensor beside its parameter.
+            # The step counter of fused Adam is a float32 tensor on the device of its parameter.
             moment: moments[f"{moment}.{name}"].to(parameter.device)
             for moment in ("step", "exp_avg", "exp_avg_sq")
         }

@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from granbench.generators.dem.box import GrainBox
-from granbench.generators.dem.preparation import PreparedSpecimen
+from granbench.generators.dem.specimen import PreparedSpecimen
 from granbench.plotting import packing_figure, save_figure
 
 

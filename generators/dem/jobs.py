@@ -15,8 +15,9 @@ from granbench.generators.dem.engine import SimulationFailure, last_error
 from granbench.generators.dem.gradings import GRADINGS
 from granbench.generators.dem.material import ContactMaterial
 from granbench.generators.dem.plan import Programme
-from granbench.generators.dem.preparation import PreparedSpecimen, prepare_specimen
+from granbench.generators.dem.preparation import prepare_specimen
 from granbench.generators.dem.recording import TestRecord
+from granbench.generators.dem.specimen import PreparedSpecimen
 from granbench.generators.dem.triaxial import run_test
 
 PROGRAMMES = {

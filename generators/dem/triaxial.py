@@ -35,7 +35,6 @@ from numpy.typing import NDArray
 
 from granbench.generators.dem.box import GrainBox
 from granbench.generators.dem.measurement import contacts, inertial_number, rate_at
-from granbench.generators.dem.preparation import PreparedSpecimen
 from granbench.generators.dem.recording import (
     Chunk,
     DrivenSeries,
@@ -46,6 +45,7 @@ from granbench.generators.dem.recording import (
     require_quality,
 )
 from granbench.generators.dem.servo import StressServo
+from granbench.generators.dem.specimen import PreparedSpecimen
 from granbench.paths import LoadingProgramme
 
 Floats = NDArray[np.float64]

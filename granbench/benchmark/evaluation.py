@@ -21,7 +21,7 @@ from granbench.cells.check.snapshot import changed, snapshot
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.data.adapters import conditions_of
 from granbench.errors import ConfigurationError, ModelError
-from granbench.tensors import COMPONENT_ORDERS, frobenius_norm
+from granbench.tensors import COMPONENT_ORDERS, component_order, frobenius_norm
 
 Result = TypeVar("Result")
 
@@ -195,6 +195,6 @@ def _check_order(cell: MaterialCell, dataset: xr.Dataset) -> None:
     labels = tuple(str(label) for label in dataset["component"].values)
     if COMPONENT_ORDERS[cell.order] != labels:
         raise ModelError(
-            f"cell {cell.name!r} works in the component order {cell.order!r}, but the records "
-            f"have components {', '.join(labels)}; wrap it so that the orders agree"
+            f"cell {cell.name!r} has the component order {cell.order!r}, but the records have "
+            f"components {', '.join(labels)}; make it with order={component_order(labels)!r}"
         )

@@ -1,7 +1,7 @@
 """The task: what a model is scored on.
 
 A task names a dataset and says which splits of it are for training, validation and test, what a
-model is told at the start of a path, which axes are scored, in which boundary-value problems the
+model is given at the start of a path, which axes are scored, in which boundary-value problems the
 model takes the place of the ground truth, and what it may be trained on. One dataset can serve
 several tasks. `granbench.benchmark.task_registry.find_task` finds a task by its name.
 """

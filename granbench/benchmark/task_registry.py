@@ -29,6 +29,8 @@ from granbench.records import open_records
 TASK_FOLDER = REGISTRY_FOLDER / "tasks"
 ENTRY_POINTS = "granbench.tasks"
 YAML = (".yaml", ".yml")
+LARGEST_FILE = 1_000_000
+"""Bytes of a task's file; a task with a hundred analyses has 50,000."""
 
 
 def registered_tasks() -> list[Task]:
@@ -40,16 +42,15 @@ def registered_tasks() -> list[Task]:
         If a YAML file is damaged, or two have the same name and version.
     """
     found: dict[tuple[str, str], tuple[Task, Path]] = {}
-    for folder in (TASK_FOLDER, *_plugin_folders()):
-        for path in sorted(folder.glob("*.yaml")):
-            task = read_task(path)
-            key = (task.id, task.version)
-            if key in found:
-                raise RegistryError(
-                    f"{path}: task {task.id} {task.version} is registered already, by "
-                    f"{found[key][1]}; give it another id or version"
-                )
-            found[key] = (task, path)
+    for path in (*sorted(TASK_FOLDER.glob("*.yaml")), *_plugin_files()):
+        task = read_task(path)
+        key = (task.id, task.version)
+        if key in found:
+            raise RegistryError(
+                f"{path}: task {task.id} {task.version} is registered already, by "
+                f"{found[key][1]}; give it another id or version"
+            )
+        found[key] = (task, path)
     newest_first = sorted((task for task, _ in found.values()), key=_release, reverse=True)
     return sorted(newest_first, key=lambda task: task.id)
 
@@ -169,15 +170,21 @@ def records_at_hand(task: Task) -> Iterator[xr.Dataset | None]:
 
 def _parsed(path: Path) -> Task:
     try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise RegistryError(
+                f"{path}: has more than {LARGEST_FILE:,} bytes; give the YAML file of a task"
+            )
         fields: Any = yaml.safe_load(path.read_text(encoding="utf-8"))
         task = Task.model_validate(fields)
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        reason = " ".join(str(error).split())
-        raise RegistryError(f"{path}: is not YAML ({reason}); correct the task") from error
-    except OSError as error:
-        raise RegistryError(f"{path}: cannot be read ({error.strerror or error})") from error
     except ValidationError as error:
         raise RegistryError(f"{path}: {complaint(error)}; correct the task") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise RegistryError(f"{path}: is not YAML ({reason}); correct the task") from error
+    except OSError as error:
+        raise RegistryError(
+            f"{path}: cannot be read ({error.strerror or error}); check the file"
+        ) from error
     if not REGISTERED_NAME.fullmatch(task.id) or "@" in task.id:
         raise RegistryError(
             f"{path}: id: {task.id!r} may hold small letters, digits and dashes only"
@@ -222,16 +229,19 @@ def _task_of_records(path: Path) -> Task:
     return alone
 
 
-def _plugin_folders() -> Iterator[Path]:
+def _plugin_files() -> Iterator[Path]:
+    """The task files of other packages."""
     for point in sorted(entry_points(group=ENTRY_POINTS), key=lambda point: point.name):
         try:
-            folder = Path(str(files(point.value)))
-        except (ImportError, TypeError) as error:
+            found = sorted(
+                Path(str(item)) for item in files(point.value).iterdir() if item.name.endswith(YAML)
+            )
+        except Exception as error:  # importing a package may raise anything
             raise RegistryError(
                 f"entry point {point.name!r} of the group {ENTRY_POINTS}: {point.value} is not a "
                 f"package with task files ({error}); correct or uninstall it"
             ) from error
-        yield folder
+        yield from found
 
 
 def _release(task: Task) -> tuple[int, ...]:

@@ -236,7 +236,7 @@ def _check_parameters(name: str, parameter_set: str | None, parameter_file: Path
 def _order_of(records: xr.Dataset | str) -> str:
     if isinstance(records, str):
         return DEFAULT_ORDER
-    return component_order(tuple(map(str, records["component"].values)))
+    return component_order(records["component"].values)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""The `granbench` application: command groups put together, errors said in one sentence.
+"""The `granbench` application: command groups, and errors as one sentence.
 
 The modules of the commands import what is heavy (torch, xarray, matplotlib) inside their
 functions, so that ``granbench --help`` answers at once.
@@ -65,11 +65,11 @@ def granbench(
 
 app.add_typer(data.app, name="data")
 app.add_typer(task.app, name="task")
-app.command()(generate.generate)
-app.command()(train.train)
-app.command()(evaluate.evaluate)
-app.command()(drive.drive)
-app.command()(fit.fit)
+app.command(cls=CommandWithNames)(generate.generate)
+app.command(cls=CommandWithNames)(train.train)
+app.command(cls=CommandWithNames)(evaluate.evaluate)
+app.command(cls=CommandWithNames)(drive.drive)
+app.command(cls=CommandWithNames)(fit.fit)
 app.command(cls=CommandWithNames)(fem.fem)
 app.add_typer(submission.app, name="submission")
 app.add_typer(leaderboard.app, name="leaderboard")
@@ -90,7 +90,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """
     prepare_streams()
     if not sys.warnoptions:
-        warnings.simplefilter("ignore")  # third parties talk to developers, not to the user
+        warnings.simplefilter("ignore")  # warnings of third parties are for developers
     words = sys.argv[1:] if arguments is None else list(arguments)
     notes = _notes(silent=not {"--quiet", "-q"}.isdisjoint(words))
     try:
@@ -109,7 +109,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 
 class _Notes(logging.Handler):
-    """What the library does by itself and takes time over, such as making a dataset, on stderr."""
+    """Log messages of the library, such as that it makes a dataset, as notes on stderr."""
 
     def emit(self, record: logging.LogRecord) -> None:
         note(record.getMessage())
@@ -144,7 +144,7 @@ def _leave(code: int) -> NoReturn:
 
 
 def _usage_error(error: Exception) -> str:
-    """What typer says of the words it was given; any other exception is raised again.
+    """Text of a usage error of typer; any other exception is raised again.
 
     typer's usage errors are click's own or copies of them, by version; only the method is
     the same in all.

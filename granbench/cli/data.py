@@ -11,6 +11,7 @@ from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.cli.pictures import drawing_errors
 from granbench.cli.printing import print_json, say, show
 from granbench.cli.progress import progress_bar
+from granbench.cli.shared_options import Json, Quiet
 from granbench.cli.termination import stopped_by_sigterm
 
 if TYPE_CHECKING:
@@ -21,8 +22,6 @@ app = typer.Typer(
 )
 
 Source = Annotated[str, typer.Argument(metavar="NAME|FILE", help="Dataset name or netCDF file.")]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 
 
 @app.command("list")

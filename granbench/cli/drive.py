@@ -1,4 +1,4 @@
-"""`granbench drive`: take a model through an element test or along a path of one's own."""
+"""`granbench drive`: drive a model through an element test or along a path from a file."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -7,12 +7,23 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from granbench.cli.drive_options import AskedCourse, scalars_at_start
+from granbench.cli.drive_options import DriveRequest, scalars_at_start
 from granbench.cli.model_options import one_model
 from granbench.cli.options import refuse_overwriting, require_writable
 from granbench.cli.pictures import draw_beside_results
 from granbench.cli.printing import print_json, say
 from granbench.cli.progress import progress_bar, progress_notes, shows_bar
+from granbench.cli.shared_options import (
+    MODEL_HELP,
+    InitialScalars,
+    InitialVoidRatio,
+    Json,
+    OverconsolidationRatio,
+    ParameterSet,
+    Params,
+    Plot,
+    Quiet,
+)
 from granbench.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -22,16 +33,13 @@ if TYPE_CHECKING:
     from granbench.element_test.driving import DriveResult
 
 MOST_STEPS = 1_000_000
-"""Of a test; its records take some hundred megabytes then."""
+"""Largest number of steps of a test; its records take several hundred megabytes."""
 
 
 def drive(
     model: Annotated[
         str,
-        typer.Argument(
-            help="Classical model such as j2 or its parameter file, baseline, folder of a trained "
-            "model, or package.module:factory of a cell."
-        ),
+        typer.Argument(help=MODEL_HELP),
     ],
     out: Annotated[Path, typer.Option("--out", help="CSV or netCDF (.nc) file to write.")],
     path: Annotated[
@@ -45,39 +53,30 @@ def drive(
     strain: Annotated[
         str | None,
         typer.Option(
-            "--strain", help="Driving strain at the test's end, as 0.2 or 20%; negative extends."
+            "--strain", help="Driving strain at the end, as 0.2 or 20%; negative for extension."
         ),
     ] = None,
     turning_points: Annotated[
         str | None,
-        typer.Option("--turning-points", help="Driving strains at which it turns, as 0.02,-0.02."),
+        typer.Option("--turning-points", help="Driving strains of reversals, as 0.02,-0.02."),
     ] = None,
     steps: Annotated[
-        int | None, typer.Option("--steps", max=MOST_STEPS, help="Of a test; 200.")
+        int | None, typer.Option("--steps", max=MOST_STEPS, help="Number of steps; 200.")
     ] = None,
     b: Annotated[
         float | None, typer.Option("--b", help="Intermediate stress ratio of a triaxial test; 0.")
     ] = None,
-    params: Annotated[
-        Path | None, typer.Option("--params", help="Parameters (JSON) as `granbench fit` writes.")
-    ] = None,
-    parameter_set: Annotated[
-        str | None, typer.Option("--set", help="Published parameters of a classical model.")
-    ] = None,
+    params: Params = None,
+    parameter_set: ParameterSet = None,
     p0: Annotated[
         str | None,
         typer.Option(
             "--p0", metavar="PA", help="Isotropic stress at the start, as 1e5 or 100kPa; 1e5."
         ),
     ] = None,
-    ocr: Annotated[
-        float | None, typer.Option("--ocr", help="Overconsolidation ratio at the start.")
-    ] = None,
-    e0: Annotated[float | None, typer.Option("--e0", help="Void ratio at the start.")] = None,
-    start: Annotated[
-        list[str] | None,
-        typer.Option("--start", metavar="NAME=VALUE", help="Else known, as grading_index=1.06."),
-    ] = None,
+    ocr: OverconsolidationRatio = None,
+    e0: InitialVoidRatio = None,
+    start: InitialScalars = None,
     order: Annotated[
         str | None,
         typer.Option("--order", help="Components of a classical model: principal, plane or full."),
@@ -87,23 +86,19 @@ def drive(
     ] = "dem-triaxial-mini",
     tolerance: Annotated[
         float | None,
-        typer.Option("--tolerance", help="Of held stresses, relative; 1e-9, in float32 1.2e-5."),
+        typer.Option("--tolerance", help="Relative, of held stresses; 1e-9, in float32 1.2e-5."),
     ] = None,
     patience: Annotated[
         float,
-        typer.Option("--patience", min=0.01, max=1e6, help="Factor on the work that is allowed."),
+        typer.Option("--patience", min=0.01, max=1e6, help="Factor on the permitted work."),
     ] = 1.0,
-    plot: Annotated[
-        Path | None, typer.Option("--plot", help="Picture to draw as well (.png, .pdf or .svg).")
-    ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print JSON instead of a sentence.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
+    plot: Plot = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Drive a model along a path, or through a standard test, and write its stresses."""
     from granbench.element_test.driving import WorkLimitError
-    from granbench.element_test.driving import drive as take
+    from granbench.element_test.driving import drive as drive_cell
     from granbench.element_test.start import Start
     from granbench.units.quantity_text import pressure_from_text
 
@@ -111,10 +106,10 @@ def drive(
     for option, file in (("MODEL", Path(model)), ("--path", path), ("--params", params),
                          ("--task", Path(task))):  # fmt: skip
         refuse_overwriting(out, option, file)
-    asked = AskedCourse(path, control, strain, turning_points, steps, b, order)
+    request = DriveRequest(path, control, strain, turning_points, steps, b, order)
     found = one_model(model, parameter_set, params, task)
     pressure = None if p0 is None else pressure_from_text("--p0 ", p0)
-    cell, prescribed, state = asked.prepared(
+    cell, prescribed, state = request.prepared(
         found, Start(pressure, scalars_at_start(e0, ocr, start))
     )
     points = len(prescribed.control.driven)
@@ -129,7 +124,7 @@ def drive(
     }
     with _progress(prescribed.control.steps - 1, cell.name, quiet or as_json) as advance:
         try:
-            answer = take(
+            result = drive_cell(
                 cell,
                 prescribed,
                 state,
@@ -142,23 +137,23 @@ def drive(
             raise ConfigurationError(
                 f"{error}; --patience {10.0 * patience:g} allows ten times as much"
             ) from error
-    _write(answer, out)
+    _write(result, out)
     if plot is not None:
-        plot = draw_beside_results(plot, lambda: _figure(answer, cell.name, prescribed.component))
+        plot = draw_beside_results(plot, lambda: _figure(result, cell.name, prescribed.component))
     if as_json:
-        print_json(_summary(answer, cell, out, plot))
+        print_json(_summary(result, cell, out, plot))
     elif not quiet:
-        say(_sentence(answer, cell, out))
-        for note in answer.notes:
+        say(_sentence(result, cell, out))
+        for note in result.notes:
             say(f"note: {note}")
-        if cell.pressure_dependent and (tension := answer.tension()):
+        if cell.pressure_dependent and (tension := result.tension()):
             say(f"note: {tension}")
 
 
-def _figure(answer: "DriveResult", name: str, component: str | None) -> "Figure":
+def _figure(result: "DriveResult", name: str, component: str | None) -> "Figure":
     from granbench.plotting.element_test import element_test_figure
 
-    return element_test_figure(answer.records, name, component)
+    return element_test_figure(result.records, name, component)
 
 
 def _check_targets(out: Path, plot: Path | None) -> None:
@@ -179,47 +174,47 @@ def _parameters(cell: "MaterialCell") -> dict[str, float] | None:
     return cell.values() if isinstance(cell, ClassicalCell) else None
 
 
-def _write(answer: "DriveResult", out: Path) -> None:
+def _write(result: "DriveResult", out: Path) -> None:
     from granbench.paths.answer_files import write_answer
     from granbench.records import write_records
 
     if out.suffix == ".nc":
-        write_records(answer.records, out)
+        write_records(result.records, out)
     else:
-        write_answer(out, answer.order, *answer.rows())
+        write_answer(out, result.order, *result.rows())
 
 
 def _summary(
-    answer: "DriveResult", cell: "MaterialCell", out: Path, plot: Path | None
+    result: "DriveResult", cell: "MaterialCell", out: Path, plot: Path | None
 ) -> dict[str, object]:
-    """What a program wants to know: files, size, and where each path ends."""
+    """Results for programs: files, size, and the end of each path."""
     from granbench.plotting.element_test import path_invariants
 
-    p, q, volumetric = path_invariants(answer.records)
+    p, q, volumetric = path_invariants(result.records)
     return {
         "model": cell.name,
         "order": cell.order,
         "parameters": _parameters(cell),
         "out": str(out),
         "plot": None if plot is None else str(plot),
-        "paths": answer.records.sizes["path"],
-        "rows": answer.records.sizes["step"] - answer.added,
+        "paths": result.records.sizes["path"],
+        "rows": result.records.sizes["step"] - result.added,
         "mean_stress": p[:, -1].tolist(),
         "deviatoric_stress": q[:, -1].tolist(),
         "largest_deviatoric_stress": q.max(axis=1).tolist(),
         "volumetric_strain": volumetric[:, -1].tolist(),
-        "most_increments_in_a_step": int(answer.test.increments.max()),
+        "most_increments_in_a_step": int(result.test.increments.max()),
     }
 
 
-def _sentence(answer: "DriveResult", cell: "MaterialCell", out: Path) -> str:
+def _sentence(result: "DriveResult", cell: "MaterialCell", out: Path) -> str:
     from granbench.plotting.element_test import path_invariants
 
-    sizes = answer.records.sizes
-    rows = f"{out}: {sizes['step'] - answer.added} rows of {cell.name}"
+    sizes = result.records.sizes
+    rows = f"{out}: {sizes['step'] - result.added} rows of {cell.name}"
     if sizes["path"] > 1:
         return f"{rows} along each of {sizes['path']} paths"
-    (p,), (q,), (volumetric,) = path_invariants(answer.records)
+    (p,), (q,), (volumetric,) = path_invariants(result.records)
     return (
         f"{rows}; at the end p = {p[-1] / 1e3:.4g} kPa, q = {q[-1] / 1e3:.4g} kPa, volumetric "
         f"strain {100.0 * volumetric[-1]:.3g} %; largest q {q.max() / 1e3:.4g} kPa; started at "
@@ -229,7 +224,7 @@ def _sentence(answer: "DriveResult", cell: "MaterialCell", out: Path) -> str:
 
 @contextmanager
 def _progress(steps: int, name: str, hidden: bool) -> Iterator[Callable[[int], None]]:
-    """Show how far the paths are, with a bar or, without a terminal, with notes."""
+    """Show the progress of the paths, with a bar or, without a terminal, with notes."""
     done = 0
 
     def move(step: int) -> None:

@@ -1,4 +1,4 @@
-"""What the options of `granbench drive` ask for: the path or test, and the start."""
+"""The path or test and the start that the options of `granbench drive` describe."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,8 +22,8 @@ DEFAULT_STEPS = 200
 
 
 @dataclass(frozen=True)
-class AskedCourse:
-    """The path or test that the options name, each None where it is not given.
+class DriveRequest:
+    """The path or test that the options name; an option that is not given is None.
 
     Parameters
     ----------
@@ -44,12 +44,12 @@ class AskedCourse:
     def prepared(
         self, found: "FoundModel", start: "Start"
     ) -> tuple["MaterialCell", "PrescribedPath", "Tensor"]:
-        """The cell, what it is taken along, and its state (point, n_state) at the start.
+        """The cell, the prescribed path, and the state (point, n_state) at its start.
 
         Raises
         ------
         GranbenchError
-            Naming the option, or file, row and column, that makes no sense or goes with no other.
+            Naming the option, or file, row and column, that is invalid or contradicts another.
         """
         if self.path is not None and self.path.suffix == ".nc":
             return self._along_records(found, start)
@@ -101,7 +101,7 @@ class AskedCourse:
                 f"{self.path}: column {table.driving_column} drives a standard test; add --control "
                 "NAME"
                 if table
-                else "there is nothing to follow; give --control NAME, or --path FILE with strains"
+                else "no path or test is given; give --control NAME, or --path FILE with strains"
             )
         test = find_test(self.control)
         if self.b is not None and not 0.0 <= self.b <= 1.0:
@@ -158,17 +158,17 @@ class AskedCourse:
 def scalars_at_start(
     e0: float | None, ocr: float | None, start: Sequence[str] | None
 ) -> dict[str, float]:
-    """What is known at the start beside the pressure, under dataset names.
+    """Scalars at the start other than the pressure, under dataset names.
 
     Parameters
     ----------
-    e0, ocr : void ratio and overconsolidation ratio, None where not given
+    e0, ocr : void ratio and overconsolidation ratio, None if not given
     start : texts NAME=VALUE
 
     Raises
     ------
     ConfigurationError
-        If a text is no such pair, or something is given twice.
+        If a text is not such a pair, or a scalar is given twice.
     """
     given = [("initial_void_ratio", e0), ("overconsolidation_ratio", ocr)]
     for text in start or ():
@@ -188,7 +188,7 @@ def scalars_at_start(
 
 
 def _start_value(name: str, text: str) -> float:
-    """A number that is known at the start; a stress may have a unit."""
+    """The value of a scalar at the start; a stress may have a unit."""
     if any(word in name for word in ("stress", "pressure")):
         from granbench.units.quantity_text import pressure_from_text
 

@@ -21,6 +21,7 @@ from granbench.cli.model_options import evaluated_model
 from granbench.cli.options import (
     default_task,
     listed_seeds,
+    naming_option,
     refuse_overwriting,
     require_one_of,
     require_writable,
@@ -108,7 +109,9 @@ def evaluate(
 
     task_name = task or default_task()
     numbers = None if seeds is None else listed_seeds(seeds)
-    for target in (out, check_target(out)):
+    with naming_option("--out"):
+        predictions_file = check_target(out)
+    for target in (out, predictions_file):
         require_writable("--out", target)
         refuse_overwriting(target, "MODEL", Path(model))
         refuse_overwriting(target, "--task", Path(task_name))

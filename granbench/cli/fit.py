@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from granbench.cli.fit_tables import result_tables, understanding_of_tests
+from granbench.cli.fitted_tests import require_shear, selected_tests
 from granbench.cli.laboratory_options import (
     named_columns,
     named_numbers,
@@ -32,14 +33,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from granbench.fitting import Fit
-    from granbench.laboratory import ImportSettings, LaboratoryTest
+    from granbench.laboratory import LaboratoryTest
 
 PARAMETERS = "parameters.json"
 RECORDS = "tests.nc"
 
 
 def fit(
-    model: Annotated[str, typer.Argument(help="Classical model, such as j2 or csuh.")],
+    model: Annotated[str, typer.Argument(help="Classical model: {models}.")],
     data: Annotated[
         list[str],
         typer.Option(
@@ -240,13 +241,13 @@ def fit(
         effort=Effort(iterations=iterations),
         bootstrap=bootstrap,
     )
-    tests, left_out = _tests(data, leave_out or (), reading)
+    tests, left_out = selected_tests(data, leave_out or (), reading)
     cell: Any = one_model(model, parameter_set, params, order="principal").cell
     if settings.free is None:
-        _require_shear(tests, [parameter.name for parameter in cell.parameter_table])
+        require_shear(tests, [parameter.name for parameter in cell.parameter_table])
     total = settings.effort.adam_iterations + settings.effort.iterations
     with (
-        stopped_by_sigterm("to begin anew"),
+        stopped_by_sigterm("to restart it"),
         locked_folder(out, ConfigurationError) if out.is_dir() else nullcontext(),
         whole_folder(out, ConfigurationError) as folder,
     ):
@@ -277,44 +278,6 @@ def fit(
         say(f"the parameters are in {out / PARAMETERS}")
         if picture is not None:
             say(f"the picture is in {picture}")
-
-
-def _tests(
-    data: Sequence[str], leave_out: Sequence[str], reading: "ImportSettings"
-) -> tuple[list["LaboratoryTest"], list["LaboratoryTest"]]:
-    """The tests to fit, and those that are only predicted."""
-    from granbench.laboratory import read_selected
-
-    tests = [test for text in data for test in read_selected(text, reading)]
-    left_out: list[LaboratoryTest] = []
-    for text in leave_out:
-        named = [test for test in tests if test.name == text]
-        if not named and not Path(text.partition("::")[0]).exists():
-            raise ConfigurationError(
-                f"--leave-out {text!r} is neither a file nor a test of --data, which are "
-                f"{', '.join(test.name for test in tests[:8]) or 'none'}"
-            )
-        left_out += named or read_selected(text, reading)
-        tests = [test for test in tests if test not in named]
-    names = [test.name for test in (*tests, *left_out)]
-    if repeated := [name for name in names if names.count(name) > 1]:
-        raise ConfigurationError(
-            f"two tests are called {repeated[0]!r}; rename a file, or give each test once"
-        )
-    return tests, left_out
-
-
-def _require_shear(tests: Sequence["LaboratoryTest"], parameters: Sequence[str]) -> None:
-    """Refuse to fit all parameters to isotropic compression, which does not determine strength."""
-    from granbench.laboratory.laboratory_test import NO_SHEAR
-
-    if tests and not any(test.is_sheared for test in tests):
-        raise ConfigurationError(
-            f"{tests[0].source}: {'the test has' if len(tests) == 1 else 'the tests have'} no "
-            f"shear, q stays below {100.0 * NO_SHEAR:g} % of p, so strength and shear stiffness "
-            "cannot be found; add a test with shear, or name the parameters that compression "
-            f"determines with --free: {', '.join(parameters)}"
-        )
 
 
 def _write(

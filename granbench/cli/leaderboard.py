@@ -6,12 +6,11 @@ from typing import Annotated
 import typer
 
 from granbench.cli.printing import print_json, say
+from granbench.cli.shared_options import Json, Quiet
 from granbench.cli.submission import (
     Board,
     Dataset,
     File,
-    Json,
-    Quiet,
     TaskFile,
     records_to_score,
     rerun_bar,
@@ -31,11 +30,13 @@ def add(
     replace: Annotated[
         bool, typer.Option("--replace", help="Replace a submission of the same name.")
     ] = False,
-    word: Annotated[
+    reason: Annotated[
         str | None,
         typer.Option(
+            "--reason",
             "--word",
-            help="A maintainer's reason to accept what is flagged as a copy; kept in the row.",
+            help="A maintainer's reason to accept a submission that is flagged as a copy; it is "
+            "shown in the row.",
         ),
     ] = None,
     as_json: Json = False,
@@ -55,7 +56,7 @@ def add(
         rerun_bar(file, records, chosen, quiet or as_json) as progress,
     ):
         target = accept(
-            file, folder, records, task=chosen, replace=replace, word=word, progress=progress
+            file, folder, records, task=chosen, replace=replace, word=reason, progress=progress
         )
     badge = read_submission(target).badge
     if as_json:
@@ -109,7 +110,7 @@ def revalidate(
         str | None,
         typer.Option(
             "--since",
-            help="That commit; where the branch left main, or the one before, by default.",
+            help="The earlier commit; by default where the branch left main, or the one before.",
         ),
     ] = None,
     state: Annotated[
@@ -120,7 +121,7 @@ def revalidate(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Validate rows of the board again, and check their seals."""
+    """Validate rows of the board again, and check the seals of all rows."""
     from granbench.leaderboard.revalidation import revalidate as run
     from granbench.leaderboard.revalidation import touched
     from granbench.leaderboard.rows import accepted, default_folder

@@ -1,8 +1,9 @@
-"""What the options of several commands have to obey."""
+"""Checks of options that several commands have."""
 
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,15 @@ def refuse_overwriting(out: Path, option: str, source: Path | None) -> None:
         raise ConfigurationError(
             f"--out {out} is what {option} reads and would be overwritten; write to another file"
         )
+
+
+@contextmanager
+def naming_option(option: str) -> Iterator[None]:
+    """Put the option's name before an error of the library about its value."""
+    try:
+        yield
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{option} {error}") from error
 
 
 def require_writable(option: str, file: Path) -> None:
@@ -65,7 +75,7 @@ def require_folder(option: str, folder: Path) -> None:
 
 
 def default_task() -> str:
-    """The task of a command that names none; a note says so if it is not the usual one."""
+    """The task of a command without --task, with a note if it is not the usual one."""
     from granbench.data.store import DEFAULTS, default_dataset
 
     task = default_dataset()

@@ -1,4 +1,4 @@
-"""Pictures that commands draw: one that fails takes no results with it."""
+"""Pictures that commands draw; a failure to draw leaves the results untouched."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""What commands print: JSON, notes, and tables that never cut what they hold."""
+"""Output of commands: JSON, notes, and tables without truncated cells."""
 
 import json
 from typing import Any
@@ -16,22 +16,22 @@ UNLIMITED = 1_000_000
 
 
 def say(text: object, *, err: bool = False) -> None:
-    """Print a text; control characters that a file brought are written out, not obeyed."""
+    """Print a text; control characters from a file are shown as escapes."""
     typer.echo(printable(text), err=err)
 
 
 def print_json(value: Any) -> None:
-    """Print a value as JSON; characters that the console cannot show are escaped, not lost."""
+    """Print a value as JSON; characters that the console cannot show are escaped."""
     say(json.dumps(value, indent=2, ensure_ascii=not shows_unicode()))
 
 
 def note(text: str) -> None:
-    """Say on standard error what does not end the command."""
+    """Print a note on standard error; the command goes on."""
     say(f"note: {text}", err=True)
 
 
 def show(*parts: RenderableType, style: str | None = None) -> None:
-    """Print tables and texts on standard output, none of them cut.
+    """Print tables and texts on standard output without truncating them.
 
     In a pipe or file a line is as long as it needs to be. On a terminal columns are folded at
     spaces; where it is narrower than the longest words of a table, the table is as wide as these.

@@ -1,4 +1,4 @@
-"""How far a command is: a bar on a terminal, notes in a log, a pipe or a notebook."""
+"""Progress of a command: a bar on a terminal, notes in a log, a pipe or a notebook."""
 
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -28,7 +28,7 @@ COLUMNS: Mapping[Shown, Sequence[type[ProgressColumn]]] = {
     "share": (TimeElapsedColumn,),
     "bytes": (DownloadColumn, TransferSpeedColumn),
 }
-"""What stands behind a bar, by the kind of its numbers."""
+"""Columns behind a bar, by the kind of its numbers."""
 
 
 class Bar:

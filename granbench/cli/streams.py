@@ -1,7 +1,8 @@
 """Standard streams on which no command fails: closed, full, broken or unable to show a character.
 
 Cron jobs, daemons and pythonw run without streams; Windows gives pipes the encoding cp1252; a
-reader such as ``head`` leaves early. None of this may end a command before its files are written.
+reader such as ``head`` closes the pipe early. None of this ends a command before its files are
+written.
 """
 
 import io

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from granbench.cli.printing import print_json, say
+from granbench.cli.shared_options import Json, Quiet
 from granbench.errors import ConfigurationError, SubmissionError
 
 if TYPE_CHECKING:
@@ -37,8 +38,6 @@ Board = Annotated[
     Path | None,
     typer.Option("--board", help="Folder of accepted submissions; the checkout's by default."),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 
 
 @app.callback()
@@ -128,7 +127,7 @@ def _sentences(file: Path, examination: "Examination") -> Iterator[str]:
 
 
 def board_or_default(board: Path | None) -> Path | None:
-    """The board's folder; that of the checkout by default, None where there is none."""
+    """The board's folder; that of the checkout by default; None without a checkout."""
     from granbench.leaderboard.rows import default_folder
 
     if board is not None:

@@ -6,6 +6,7 @@ import typer
 from rich.table import Table
 
 from granbench.cli.printing import print_json, say, show
+from granbench.cli.shared_options import Json
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -14,8 +15,6 @@ if TYPE_CHECKING:
     from granbench.benchmark.task_summary import SplitSize
 
 app = typer.Typer(help="Tasks: list and describe what models are scored on.", no_args_is_help=True)
-
-Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
 
 @app.command("list")
@@ -68,15 +67,15 @@ def _print(task: "Task", sizes: "Mapping[str, SplitSize] | None") -> None:
     truth = task.ground_truth
     facts.add_row("ground truth", "none" if truth is None else truth.model)
     for data in task.training_data:
-        splits = ", ".join(data.splits)
-        facts.add_row("may be trained on", f"{data.dataset} {data.version}, {splits}")
-    splits = Table("split", "used for", "paths", "specimens")
+        allowed = f"{data.dataset} {data.version}, {', '.join(data.splits)}"
+        facts.add_row("may be trained on", allowed)
+    table = Table("split", "used for", "paths", "specimens")
     for split, role in task.splits.roles().items():
         size = None if sizes is None else sizes[split]
         counts = ("?", "?") if size is None else (str(size.paths), str(size.specimens))
-        splits.add_row(split, _USES.get(role, "score, other kind of paths"), *counts)
+        table.add_row(split, _USES.get(role, "score, other kind of paths"), *counts)
     say(f"{task.id} {task.version}: {task.summary}")
-    show(facts, splits)
+    show(facts, table)
     if task.analyses:
         analyses = Table("analysis", "problem", "mesh", "solvers", "choices")
         for one in task.analyses:

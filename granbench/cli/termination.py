@@ -9,20 +9,20 @@ import typer
 
 INTERRUPTED = 128 + signal.SIGINT
 TERMINATED = 128 + signal.SIGTERM
-"""Exit codes of a command that Ctrl-C or SIGTERM ended, as shells have them."""
+"""Exit codes of a command that Ctrl-C or SIGTERM ended, as in shells."""
 
 
 class _Terminated(KeyboardInterrupt):
-    """What Ctrl-C raises, so that all that stops for it stops for SIGTERM as well."""
+    """The exception of SIGTERM, which everything that handles Ctrl-C handles as well."""
 
 
 @contextmanager
 def stopped_by_sigterm(again: str = "to continue") -> Iterator[None]:
-    """Let SIGTERM unwind the block as Ctrl-C does, and say of both how to continue.
+    """Let SIGTERM end the block as Ctrl-C does, and print how to continue.
 
     Parameters
     ----------
-    again : what running the same command again does
+    again : effect of running the same command again
 
     Raises
     ------

@@ -26,7 +26,7 @@ SECONDS_PER_MINUTE = 60.0
 
 
 def train(
-    baseline: Annotated[str, typer.Argument(metavar="BASELINE", help="lstm, mlstm, ...")],
+    baseline: Annotated[str, typer.Argument(metavar="BASELINE", help="One of {baselines}.")],
     out: Annotated[
         Path, typer.Option("--out", help="Folder of the run; an earlier run there is continued.")
     ],

@@ -99,7 +99,7 @@ def write_card(records: xr.Dataset, out: Path) -> Path:
         If the folder cannot be written.
     """
     name = f"{records.attrs['dataset']}-{records.attrs['version']}"
-    order = component_order(tuple(map(str, records["component"].values)))
+    order = component_order(records["component"].values)
     drawn, undrawn = {}, {}
     for title, (draw, caption) in (PLANE_FIGURES if order == "plane" else FIGURES).items():
         try:

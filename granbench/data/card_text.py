@@ -57,7 +57,7 @@ def _about_tests(records: xr.Dataset) -> list[str]:
 
 
 def _in_plane(records: xr.Dataset) -> bool:
-    return component_order(tuple(map(str, records["component"].values))) == "plane"
+    return component_order(records["component"].values) == "plane"
 
 
 def _identity(records: xr.Dataset) -> str:

@@ -91,14 +91,14 @@ def _download_all(address: str, size: int, partial: Path, progress: OnBytes | No
         retry=tenacity.retry_if_exception_type(_ConnectionLost),
         after=stalls.count,
         wait=stalls.pause,
-        stop=tenacity.stop_any(stalls.are_too_many, tenacity.stop_after_attempt(CONNECTIONS)),
+        stop=lambda state: stalls.are_too_many or state.attempt_number >= CONNECTIONS,
         reraise=True,
     )
     try:
         retrying(_continue, address, size, partial, rate, progress)
     except _ConnectionLost as lost:
         gave_up = f"{CONNECTIONS} connections broke"
-        reason = lost if stalls.are_too_many() else gave_up
+        reason = lost if stalls.are_too_many else gave_up
         raise MirrorFailure(f"{reason} {_kept(partial, size)}") from lost
 
 
@@ -110,17 +110,18 @@ class _Stalls:
         self._size = partial_size(partial)
         self._count = 0
 
-    def count(self, _: object = None) -> None:
+    def count(self, _: object) -> None:
         """Take a broken connection into account."""
         size = partial_size(self._partial)
         self._count = 0 if size > self._size else self._count + 1
         self._size = size
 
-    def pause(self, _: object = None) -> float:
+    def pause(self, _: object) -> float:
         """Seconds before the next connection."""
         return PAUSE * 2 ** (self._count - 1) if self._count else 0.0
 
-    def are_too_many(self, _: object = None) -> bool:
+    @property
+    def are_too_many(self) -> bool:
         """Whether the mirror is given up."""
         return self._count >= ATTEMPTS
 
@@ -280,7 +281,7 @@ def _check_answer(response: http.client.HTTPResponse, size: int, start: int) -> 
                 f"{size - 1} of {size}"
             )
     if "chunked" in response.headers.get("Transfer-Encoding", "").lower():
-        return  # a length beside it has no meaning
+        return  # a length header has no meaning then
     lengths = {length.strip() for length in response.headers.get_all("Content-Length", [])}
     if not lengths:
         return

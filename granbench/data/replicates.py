@@ -20,7 +20,7 @@ SAME_LOADING = (
 
 @dataclass(frozen=True)
 class ReplicateScatter:
-    """How two packings of one grading and preparation differ under the same loading.
+    """Difference of two packings of one grading and preparation under the same loading.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ def split_hash(ds: xr.Dataset) -> str:
 
 @dataclass(frozen=True)
 class LeakReport:
-    """What splits have in common; a dataset without leaks has three empty tuples.
+    """Common elements of splits; a dataset without leaks has three empty tuples.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ _checked: set[tuple[str, int, int, str]] = set()
 
 
 def cache_folder() -> Path:
-    """Where fetched datasets are kept: `GRANBENCH_CACHE`, or the user's cache of the system.
+    """The folder of fetched datasets: `GRANBENCH_CACHE`, or the cache folder of the user.
 
     Raises
     ------

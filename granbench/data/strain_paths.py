@@ -58,7 +58,7 @@ def strain_path_statistics(records: xr.Dataset) -> StrainPathStatistics:
 
 
 def _tensile_share(records: xr.Dataset, stress: np.ndarray) -> float | None:
-    in_plane = component_order(tuple(map(str, records["component"].values))) == "plane"
+    in_plane = component_order(records["component"].values) == "plane"
     if not in_plane or not (records["initial_mean_stress"].values > 0.0).all():
         return None
     xx, yy, xy = np.moveaxis(stress, -1, 0)

@@ -42,7 +42,7 @@ def summarise(ds: xr.Dataset) -> dict[str, Any]:
         "generator": f"{ds.attrs['generator']} {ds.attrs['generator_version']}",
         "engine": f"{ds.attrs['engine']} {ds.attrs['engine_version']}",
         "content_sha256": str(ds.attrs.get("content_sha256", "")),
-        "component_order": component_order(tuple(map(str, ds["component"].values))),
+        "component_order": component_order(ds["component"].values),
         "variables": sorted(map(str, ds.data_vars)),
         "paths": ds.sizes["path"],
         "steps": ds.sizes["step"],
@@ -131,7 +131,7 @@ def draw_file(path: Path, out: Path, paths: list[str] | None = None) -> Path:
 
     with open_records_here(path) as ds:
         _check_seal(ds, path)
-        in_plane = component_order(tuple(map(str, ds["component"].values))) == "plane"
+        in_plane = component_order(ds["component"].values) == "plane"
         draw = strain_path_figure if in_plane else dataset_figure
         return save_figure(draw(ds, paths=paths), out)
 

@@ -1,4 +1,4 @@
-"""The forces of an increment: whether they balance, and the stiffness that brings them to it."""
+"""Forces of a displacement increment: their imbalance, and the tangent stiffness."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Balance:
 
     Attributes
     ----------
-    external, internal : (2 node,), wanted and of the last answer, N/m
+    external, internal : (2 node,), forces to balance, and those of the last stress, N/m
     """
 
     def __init__(self, operators: Operators, points: GaussPoints, free: np.ndarray) -> None:
@@ -53,12 +53,12 @@ class Balance:
         return self._unbalanced(stress)
 
     def linearised(self, increment: Floats) -> tuple[Floats, float, Floats]:
-        """As `residual`, with the tangent (point, 3, 3), Pa."""
+        """The same as `residual`, with the tangent (point, 3, 3), Pa."""
         strain = self.operators.strain @ increment
         stress, tangent = self.points.tangent(strain, self.step)
         return (*self._unbalanced(stress), tangent)
 
-    def stiffness_at_rest(self) -> Floats:
+    def initial_stiffness(self) -> Floats:
         """Tangent (point, 3, 3), Pa, of a zero increment from the kept state."""
         return self.points.tangent(np.zeros_like(self.points.strain), self.step)[1]
 

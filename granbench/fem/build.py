@@ -1,4 +1,4 @@
-"""From a boundary-value problem as a dataset states it to one that can be analysed."""
+"""Boundary-value problems from their statements in datasets and tasks."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""A cell that fails as a program, not as a material: it raises, or returns something else."""
+"""Errors of a cell's code: it raises, or does not return stress and state."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from granbench.errors import AnalysisError, GranbenchError
 
 
 class CellFailure(AnalysisError):
-    """A cell raised an error, or answered with something other than stress and state.
+    """A cell raised an error, or did not return stress and state.
 
     Parameters
     ----------
     sentence : what happened
-    step : of the analysis; 0 before anything is strained
+    step : of the analysis; 0 at the start
     """
 
     def __init__(self, sentence: str, step: int) -> None:
@@ -21,7 +21,7 @@ class CellFailure(AnalysisError):
 
 
 def raised(model: str, error: BaseException, step: int) -> CellFailure:
-    """A cell raised an error: its own sentence, or the line of user code where it happened."""
+    """The error that a cell raised, with the line of user code that raised it."""
     if isinstance(error, GranbenchError):
         return CellFailure(str(error), step)
     return CellFailure(
@@ -30,10 +30,10 @@ def raised(model: str, error: BaseException, step: int) -> CellFailure:
 
 
 def misanswered(model: str, found: object, step: int) -> CellFailure:
-    """A cell answered with anything but tensors."""
+    """The error of a cell that did not return tensors."""
     kinds = [type(part).__name__ for part in (found if isinstance(found, tuple) else (found,))]
     return CellFailure(
-        f"{model} answers in step {step} with {', '.join(kinds)}; a step must return two tensors, "
-        "of stress and of state",
+        f"{model} returned {', '.join(kinds)} in step {step}; step must return two tensors, "
+        "stress and state",
         step,
     )

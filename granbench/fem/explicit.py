@@ -49,7 +49,7 @@ def solve_explicit(
     recorder: Recorder,
     on_step: OnStep | None = None,
 ) -> None:
-    """Take a body through its loading; output steps go to the recorder as they are reached.
+    """Analyse a loading; output steps go to the recorder as they are reached.
 
     Raises
     ------
@@ -61,14 +61,14 @@ def solve_explicit(
     begin = time.perf_counter()
     motion = _Motion(operators, loading, points, settings)
     motion.record(recorder, time.perf_counter() - begin, 0)
-    points.ask_at_rest()
+    points.measure_initial_imbalance()
     step = choose_time_step(operators, points, settings)
     end = loading.loading.drive.end
     outputs = output_steps(loading.loading.drive, step.chosen, settings)
     total = int(outputs[-1])
     motion.set_time_step(end / total)
     for last, now in pairwise(map(int, outputs)):
-        # Nothing asks for a gradient from here on, and torch then keeps no account of its calls.
+        # No gradient is needed from here on; torch then records no operations.
         with torch.inference_mode():
             motion.advance(last, now)
         motion.check_stability(now)
@@ -149,7 +149,7 @@ class _Motion:
         self.loss = -2.0 * half / (1.0 + half)
 
     def advance(self, begin: int, end: int) -> None:
-        """From step `begin` to step `end`.
+        """Advance from step `begin` to step `end`.
 
         Works are added up by the trapezoidal rule, twice over.
         """
@@ -239,7 +239,7 @@ class _Motion:
         return kinetic, self.damping_work + 0.5 * self.rate * self.dt * float(velocity @ mean)
 
     def record(self, recorder: Recorder, seconds: float, time_steps: int) -> None:
-        """Hand the present output step on, and how many time steps it took."""
+        """Add the present output step to the recorder, with its number of time steps."""
         kinetic, damping = self._kinetic_energy_and_damping()
         parts = (kinetic, self.internal_work, damping, self.external_work)
         missing = sum(parts[:3]) - parts[3]

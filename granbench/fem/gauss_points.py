@@ -31,8 +31,7 @@ FLOATS = (torch.float64, torch.float32, torch.float16)
 """Types that a stress may have; NumPy knows them too."""
 
 UNSTRESSED = 1e5
-"""Pa; what an imbalance at the start is measured by where no stress is imposed: the confinement of
-the thesis."""
+"""Pa; reference of an imbalance at the start if no stress is imposed: the thesis' confinement."""
 
 
 class MaterialFailure(AnalysisError):
@@ -42,7 +41,7 @@ class MaterialFailure(AnalysisError):
     ----------
     point : number of the Gauss point
     position : (x, y), m
-    step : of the analysis; 0 before anything is strained
+    step : of the analysis; 0 at the start
     strain : (component,), total strain there after the increment, compression positive
     count : at how many points it happened
     """
@@ -56,9 +55,9 @@ class MaterialFailure(AnalysisError):
         others = f" and at {count - 1} more points" if count > 1 else ""
         circumstances = (
             f"in step {step}, where the strain ({', '.join(COMPONENT_ORDERS[ORDER])}) is "
-            f"({values}); take smaller steps, end the loading before, or use another model"
+            f"({values}); take smaller steps, end the loading earlier, or use another model"
             if step > 0
-            else "before anything is strained; choose another start or another model"
+            else "at zero strain; choose another start or another model"
         )
         super().__init__(
             f"{model} gives no finite stress at Gauss point {point}, at "
@@ -76,15 +75,15 @@ class GaussPoints:
     ----------
     cell : a model in `plane` components
     stress : (3, point), initial stress, Pa
-    scalars : what else is known at the start, by dataset name: a number for all points, or (point,)
+    scalars : other quantities at the start, by dataset name: a number for all points, or (point,)
     positions : (point, direction), m
 
     Attributes
     ----------
-    strain : (3 point,), total strain of the state that is kept
-    stress : (3 point,), Pa, of the state that is kept
+    strain : (3 point,), total strain of the accepted state
+    stress : (3 point,), Pa, of the accepted state
     seconds : spent in the cell, wall-clock
-    initial_imbalance : see `ask_at_rest`; 0 before
+    initial_imbalance : see `measure_initial_imbalance`; 0 before
 
     Raises
     ------
@@ -105,7 +104,7 @@ class GaussPoints:
             raise ConfigurationError(
                 f"{cell.name} has {cell.component_count} {cell.order} components "
                 f"({', '.join(COMPONENT_ORDERS[cell.order])}), but plane strain needs "
-                f"{', '.join(COMPONENT_ORDERS[ORDER])}; make the model in the plane order"
+                f"{', '.join(COMPONENT_ORDERS[ORDER])}; make the model with order={ORDER!r}"
             )
         self.cell, self.positions = cell, positions
         self._linearised: MaterialCell | None = None
@@ -121,12 +120,12 @@ class GaussPoints:
                 for name, value in (scalars or {}).items()
             },
         )
-        with torch.no_grad(), user_code(f"{cell.name} failed to make its first state"):
+        with torch.no_grad(), user_code(f"{cell.name} failed in initial_state"):
             state = cell.initial_state(conditions)
         if not isinstance(state, Tensor):
             raise ModelError(
-                f"{cell.name} begins with a state that is not a tensor but a "
-                f"{type(state).__name__}; return a tensor from `initial_state`"
+                f"{cell.name}: initial_state returned a {type(state).__name__}; it must return "
+                "a tensor"
             )
         # Component-major: each component is contiguous over the points.
         self.state = state.detach().T.contiguous().T
@@ -135,24 +134,23 @@ class GaussPoints:
         self._trial = self.state, self.stress, self.strain
 
     def step(self, dstrain: Floats, step: int) -> Floats:
-        """Stress (3 point,) after a strain increment (3 point,) from the state that is kept.
+        """Stress (3 point,) after a strain increment (3 point,) from the accepted state.
 
-        The new state is kept only by `accept`.
+        `accept` accepts the new state.
 
         Raises
         ------
         MaterialFailure
             If the stress of some point is not finite; `step` is named in it.
         CellFailure
-            If the cell raises, or answers with anything but a stress of the shape of the strain
-            and a state.
+            If the cell raises, or does not return a stress of the shape of the strain and a state.
         """
         begin = time.perf_counter()
         stress, state, *_ = self._ask(self.cell.step, dstrain, step)
         return self._tried(stress, state, dstrain, step, begin)
 
     def tangent(self, dstrain: Floats, step: int) -> tuple[Floats, Floats]:
-        """As `step`, with a tangent (point, 3, 3), Pa, see `granbench.cells.difference_tangent`."""
+        """The same as `step`, with a tangent (point, 3, 3), Pa."""
         begin = time.perf_counter()
         if self._linearised is None:
             # Newton's method needs a direction; what it arrives at does not depend on the tangent.
@@ -160,17 +158,17 @@ class GaussPoints:
         try:
             stress, state, tangent = self._ask(self._linearised.tangent, dstrain, step, 3)
         except CellFailure:
-            self.step(dstrain, step)  # what is wrong is said best where the step itself shows it
+            self.step(dstrain, step)  # the error of the step itself is clearer
             raise
         values = self._tried(stress, state, dstrain, step, begin)
         return values, tangent.detach().double().numpy()
 
-    def ask_at_rest(self) -> None:
-        """Find the imbalance at the start: what no strain changes in the imposed stress.
+    def measure_initial_imbalance(self) -> None:
+        """Measure the imbalance at the start: the stress change at zero strain.
 
         It is the largest change of a component at any point over the largest stress imposed
         anywhere, or over `UNSTRESSED` where none is; infinite where the cell then has no stress.
-        Nothing that is kept changes.
+        The accepted state does not change.
         """
         before = self._trial
         try:
@@ -183,11 +181,11 @@ class GaussPoints:
         self._trial = before
 
     def accept(self) -> None:
-        """Keep the state of the last `step` or `tangent`."""
+        """Accept the state of the last `step` or `tangent`."""
         self.state, self.stress, self.strain = self._trial
 
     def internals(self) -> dict[str, Floats]:
-        """The cell's internal variables that are kept, (point,) by dataset name."""
+        """The cell's internal variables in the accepted state, (point,) by dataset name."""
         layout = self.cell.layout
         return {
             name: self.state[:, layout[name]].detach().double().numpy()[:, 0]
@@ -231,22 +229,22 @@ class GaussPoints:
         for what, part in (("stress", stress), ("state", state)):
             if part.dtype not in FLOATS or not part.is_cpu or part.layout != torch.strided:
                 raise CellFailure(
-                    f"{self.cell.name} answers with a {what} of type {part.dtype}; it must be of "
-                    f"{self.cell.dtype}, the model's own, dense and on the CPU",
+                    f"{self.cell.name} returned a {what} of type {part.dtype}; it must be a dense "
+                    f"tensor of type {self.cell.dtype} on the CPU",
                     step,
                 )
         # NumPy's calls cost a third of torch's at a few hundred points.
         array = (stress.detach() if stress.requires_grad else stress).numpy()
         if array.shape != self._shape:
             raise CellFailure(
-                f"{self.cell.name} answers {self.count} strain increments with a stress of shape "
-                f"{array.shape}; it must be {self._shape}",
+                f"{self.cell.name} returned a stress of shape {array.shape} for {self.count} "
+                f"strain increments; it must be {self._shape}",
                 step,
             )
         if state.shape != self.state.shape:
             raise CellFailure(
-                f"{self.cell.name} answers a state of shape {tuple(self.state.shape)} with one of "
-                f"{tuple(state.shape)}; return the state in the shape that it had",
+                f"{self.cell.name} returned a state of shape {tuple(state.shape)}; it must keep "
+                f"the shape {tuple(self.state.shape)}",
                 step,
             )
         values = np.ascontiguousarray(array.T, dtype=float).reshape(-1)

@@ -30,7 +30,7 @@ from granbench.fem.result import Recorder
 
 
 def load_times(drive: LoadingHistory, steps: int) -> Floats:
-    """Ends of the load steps, s, from 0; every turning point of the drive is one.
+    """Times of the load steps, s, from 0; every turning point of the drive is one.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def solve_implicit(
     recorder: Recorder,
     on_step: OnStep | None = None,
 ) -> None:
-    """Take a body through its loading; load steps go to the recorder as they converge.
+    """Analyse a loading; load steps go to the recorder as they converge.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def solve_implicit(
     """
     stepper = _Stepper(operators, loading, points, settings)
     stepper.record(recorder, _StepRecord())
-    points.ask_at_rest()
+    points.measure_initial_imbalance()
     scheme = scheme_of(settings, stepper.balance)
     times = load_times(loading.loading.drive, settings.steps)
     for step in range(1, len(times)):
@@ -76,7 +76,7 @@ def solve_implicit(
 
 @dataclass(frozen=True)
 class _StepRecord:
-    """How one load step converged; the residuals are those of its last piece."""
+    """Iterations of one load step; the residuals are those of its last piece."""
 
     pieces: int = 0
     iterations: int = 0
@@ -185,8 +185,8 @@ class _Stepper:
             return attempt.failure
         residual = outcome.residuals[-1] if outcome is not None else np.nan
         return AnalysisError(
-            f"load step {step} does not converge with the scheme {self.settings.scheme!r}, however "
-            f"small its pieces: forces are out of balance by {residual:.2g} of their size; "
+            f"load step {step} does not converge with the scheme {self.settings.scheme!r}, even in "
+            f"{2**self.settings.cuts} pieces: the residual is {residual:.2g} of the forces; "
             f"{scheme.remedy}"
         )
 

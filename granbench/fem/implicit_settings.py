@@ -26,7 +26,7 @@ MOST_STEPS = 1_000_000
 
 @dataclass(frozen=True)
 class ImplicitSettings:
-    """How an implicit analysis is made.
+    """Settings of an implicit analysis.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-r"""Schemes that bring a load step into balance.
+r"""Iteration schemes for the equilibrium of a load step.
 
 newton
     du <- du + a K(C)^-1 r with the cell's tangent C at du, and a = 1 or, by a line search, less;
-    where no a lessens r, with a share of the stiffness at rest added to C.
+    where no a lessens r, with a share of the initial stiffness added to C.
 restart
     Algorithm 2: every iteration solves for the whole increment from the last converged step with
     the cell's tangent at the last one, without a line search, until successive increments agree
@@ -11,7 +11,7 @@ restart
     predicts added, K du(m+1) = r + K du(m), its fixed point is a balance.
 initial-stiffness
     du <- du + K0^-1 r with one elastic matrix, given or the cell's tangent at the start, and
-    Anderson's acceleration over the last iterates. It asks nothing of the cell but its stress.
+    Anderson's acceleration over the last iterates. It needs only the stress of the cell.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ LOOK_BACK = 5
 points go in and out of yield the error must be allowed to rise, or the steps become short."""
 
 HALVINGS = 4
-"""Of a Newton step that does not lessen the error, before the increment is given up."""
+"""Halvings of a Newton step that does not reduce the error, before the increment is given up."""
 
 ARMIJO = 1e-4
 """Share of the error that a full Newton step takes off at least; a shorter one, in proportion."""
 
 FARTHEST = 2.0
-"""Times the largest displacement of the first increment: no correction moves a node farther. A
-nearly singular tangent sends nodes away by kilometres, where other balances exist."""
+"""Largest correction of a node, over the largest displacement of the first increment. A nearly
+singular tangent would send nodes away by kilometres, where other equilibria exist."""
 
 ELASTIC_SHARES = (0.0, 1e-3, 0.1)
-"""Of the stiffness at rest, added to the tangent. A body that flows as a whole without hardening
-has a singular tangent, of which a small share of elasticity makes the least motion."""
+"""Shares of the initial stiffness that are added to the tangent. A body that flows as a whole
+without hardening has a singular tangent; a small share of elasticity makes it regular."""
 
 Linearised = tuple[Floats, Floats, float, Floats]
 """An increment, the forces out of balance, their size, and the tangent there."""
@@ -54,7 +54,7 @@ MEMORY = 10
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a scheme came to.
+    """Result of a scheme.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class Scheme(abc.ABC):
 
 
 class Newton(Scheme):
-    """See the module."""
+    """Newton's method with the cell's tangent and a line search; see the module's docstring."""
 
     most = 25
     remedy = (
@@ -120,7 +120,7 @@ class Newton(Scheme):
         balance = self.balance
         for share in ELASTIC_SHARES:
             if share > 0.0:
-                tangent = tangent + share * balance.stiffness_at_rest()
+                tangent = tangent + share * balance.initial_stiffness()
             solve = balance.pattern.factorised(tangent)
             if solve is None:
                 continue
@@ -147,7 +147,7 @@ class Newton(Scheme):
 
 
 class Restart(Scheme):
-    """See the module."""
+    """Algorithm 2 of the thesis, which restarts from the last converged step; see the module."""
 
     most = 100
     remedy = "take more load steps, or the scheme 'newton'"
@@ -173,7 +173,7 @@ class Restart(Scheme):
 
 @dataclass
 class _Iterates:
-    """What Anderson's acceleration remembers: differences of iterates and of their corrections."""
+    """Memory of Anderson's acceleration: differences of iterates and of their corrections."""
 
     moves: list[Floats] = field(default_factory=list)
     changes: list[Floats] = field(default_factory=list)
@@ -194,7 +194,7 @@ class _Iterates:
 
 
 class InitialStiffness(Scheme):
-    """See the module."""
+    """Iterations with one elastic stiffness and Anderson's acceleration; see the module."""
 
     most = 300
     remedy = (
@@ -207,7 +207,7 @@ class InitialStiffness(Scheme):
             matrix = np.asarray(settings.stiffness, dtype=float)
             tangent = np.broadcast_to(matrix, (balance.points.count, 3, 3))
         else:
-            tangent = balance.stiffness_at_rest()
+            tangent = balance.initial_stiffness()
         symmetric = tangent + tangent.transpose(0, 2, 1)
         definite = np.isfinite(tangent).all() and np.linalg.eigvalsh(symmetric).min() > 0.0
         solve = balance.pattern.factorised(tangent) if definite else None
@@ -242,5 +242,5 @@ SCHEMES: dict[str, type[Scheme]] = dict(
 
 
 def scheme_of(settings: ImplicitSettings, balance: Balance) -> Scheme:
-    """The scheme that the settings name; raises ConfigurationError without a stiffness for it."""
+    """The scheme that the settings name; raises ConfigurationError if it has no stiffness."""
     return SCHEMES[settings.scheme](settings, balance)

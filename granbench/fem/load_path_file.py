@@ -25,7 +25,7 @@ FACTORS: Mapping[str, Callable[[str], float | None]] = {
     "displacement": length_factor,
 }
 LARGEST_DISPLACEMENT = 1.0
-"""m; a larger one without a unit is a number of millimetres."""
+"""m; a larger displacement without a unit is probably in millimetres."""
 
 _WANTED = " and ".join(f"{name} (in {unit})" for name, unit in COLUMNS.items())
 
@@ -72,8 +72,8 @@ def read_load_path(file: Path | str) -> LoadingHistory:
         row = int(np.abs(values).argmax())
         raise ConfigurationError(
             f"load path {table.source}, {table.places[row]}: the displacement is {values[row]:g} "
-            "m: is it in millimetres? Write its unit into the header, as displacement [mm], or "
-            "displacement [m] if it is in metres"
+            "m: is it in millimetres? Write the unit into the header, displacement [mm] or "
+            "displacement [m]"
         )
     try:
         history = LoadingHistory(times, values)
@@ -82,13 +82,13 @@ def read_load_path(file: Path | str) -> LoadingHistory:
     if values[0] != 0.0 or not any(values):
         raise ConfigurationError(
             f"load path {table.source}: begins at a displacement of {values[0]:g} m and ends at "
-            f"{values[-1]:g} m; let it begin at 0 and move"
+            f"{values[-1]:g} m; it must begin at 0 and move"
         )
     return history
 
 
 def _is_asked(table: Table, column: Column) -> bool:
-    """Whether a column holds numbers; dates and remarks are nothing that a load path asks for."""
+    """Whether a column holds numbers; columns of dates and remarks are ignored."""
     return not table.places or column.has_numbers or _name(column) in COLUMNS
 
 
@@ -109,8 +109,8 @@ def _numbers(table: Table, column: Column, name: str) -> tuple[float, ...]:
     factor = 1.0 if unit is None else FACTORS[name](unit)
     if factor is None:
         raise ConfigurationError(
-            f"load path {table.source}: {name} is in {unit!r}, which is no unit of it that is "
-            f"known; give it in {COLUMNS[name]}"
+            f"load path {table.source}: {name} has the unknown unit {unit!r}; "
+            f"give it in {COLUMNS[name]}"
         )
     if fault := table.fault(column):
         row, what = fault

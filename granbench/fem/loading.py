@@ -1,7 +1,7 @@
-"""What is done to a body: prescribed motion, pressures, tractions and weight, in time.
+"""Loading of a body: prescribed motion, pressures, tractions and weight, in time.
 
 Every prescribed motion follows one driving displacement d(t): that of a platen, a wall, a footing.
-A `Prescribed` says how far its nodes move for a unit of it. The reaction is the force conjugate
+A `Prescribed` gives the motion of its nodes for a unit of it. The reaction is the force conjugate
 to d, so that d times the reaction is the work of the drive.
 """
 
@@ -25,13 +25,13 @@ class LoadingHistory:
 
     Parameters
     ----------
-    times : s, from 0 on, rising
+    times : s, from 0, increasing
     values : at these times
 
     Raises
     ------
     ConfigurationError
-        If the times do not rise from 0, or a number is missing or not finite.
+        If the times do not increase from 0, or a number is missing or not finite.
     """
 
     times: tuple[float, ...]
@@ -41,18 +41,18 @@ class LoadingHistory:
         times, values = np.asarray(self.times, float), np.asarray(self.values, float)
         if times.ndim != 1 or times.shape != values.shape or len(times) < 2:
             raise ConfigurationError(
-                f"a load path has {np.size(times)} times and {np.size(values)} values; give as "
-                "many of each, two at least"
+                f"a load path has {np.size(times)} times and {np.size(values)} values; give the "
+                "same number of each, at least two"
             )
         if not (np.isfinite(times).all() and np.isfinite(values).all()):
             raise ConfigurationError("a load path has a time or a value that is not finite")
         if times[0] != 0.0:
-            raise ConfigurationError(f"a load path begins at {times[0]:g} s; let it begin at 0")
+            raise ConfigurationError(f"a load path begins at {times[0]:g} s; it must begin at 0")
         if (late := np.diff(times) <= 0.0).any():
             at = int(late.argmax())
             raise ConfigurationError(
-                f"a load path is not monotone in time: entry {at + 1} is at {times[at + 1]:g} s "
-                f"after {times[at]:g} s; let its times rise"
+                f"the times of a load path must increase: entry {at + 1} is at {times[at + 1]:g} s "
+                f"after {times[at]:g} s; sort the rows or correct the times"
             )
 
     @classmethod
@@ -62,7 +62,7 @@ class LoadingHistory:
 
     @classmethod
     def through(cls, turning_points: Sequence[float], speed: float) -> LoadingHistory:
-        """From 0 to each turning point in turn at a constant speed.
+        """A history from 0 to each turning point in turn at a constant speed.
 
         Parameters
         ----------
@@ -70,7 +70,7 @@ class LoadingHistory:
         speed : m/s, above zero
         """
         if not speed > 0.0:
-            raise ConfigurationError(f"a speed of {speed:g} m/s loads nothing; give one above 0")
+            raise ConfigurationError(f"speed is {speed:g} m/s; give one above 0")
         values = (0.0, *turning_points)
         lengths = np.abs(np.diff(values))
         return cls((0.0, *np.cumsum(lengths / speed)), values)
@@ -125,7 +125,7 @@ class Traction:
 
 @dataclass(frozen=True)
 class Loading:
-    """All that is done to a body.
+    """Prescribed motions, forces and weight of a body.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from granbench.errors import ConfigurationError
 
 Floats = np.ndarray
 Where = Callable[[Floats], Floats]
-"""From coordinates (direction, ...) to a mask (...)."""
+"""Function from coordinates (direction, ...) to a mask (...)."""
 
 FLATTEST = 1e-6
 """Least Jacobian determinant in an element relative to its largest; below, it is degenerate."""
@@ -61,7 +61,7 @@ class PlaneMesh:
     geometry : scikit-fem's mesh of triangles or quadrilaterals, curved ones included; the names of
         its `boundaries` are those that supports and loads refer to
     element : a key of `ELEMENTS`
-    notes : what a user should know of a mesh from a file
+    notes : remarks on a mesh from a file, for the user
 
     Raises
     ------
@@ -77,7 +77,7 @@ class PlaneMesh:
     def __post_init__(self) -> None:
         if self.element not in ELEMENTS:
             raise ConfigurationError(
-                f"unknown element {self.element!r}; there are {', '.join(ELEMENTS)}"
+                f"unknown element {self.element!r}; use one of {', '.join(ELEMENTS)}"
             )
         corners = self.geometry.refdom.nnodes
         if self.geometry.dim() != 2 or corners != self.kind.corners:
@@ -213,7 +213,7 @@ class PlaneMesh:
         return float(distance[:, first, second].min())
 
     def turned(self, displacement: Floats) -> Floats:
-        """Which elements a displacement turns over at one of their corners, or makes flat there.
+        """Elements that a displacement turns over at one of their corners, or makes flat there.
 
         Parameters
         ----------
@@ -273,7 +273,7 @@ class PlaneMesh:
             return np.asarray(mapping.detDF(places))
 
     def _folds(self) -> np.ndarray:
-        """For each element, on how many of its edges the neighbour lies on its own side."""
+        """Number of edges of each element whose neighbour lies on the element's own side."""
         mesh = self.geometry
         inner = mesh.f2t[1] >= 0
         start, end = mesh.p[:, mesh.facets[0, inner]], mesh.p[:, mesh.facets[1, inner]]

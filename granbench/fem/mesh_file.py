@@ -16,7 +16,7 @@ from granbench.files.bounded_reading import read_bounded
 SUFFIXES = tuple(FORMATS)
 
 LARGEST_FILE = 200 * 2**20
-"""Bytes; some times what the largest mesh takes that is analysed."""
+"""Bytes; several times the size of the largest mesh that can be analysed."""
 
 DEFAULT_ELEMENTS = {3: "tri6", 4: "quad8"}
 """Elements by their number of corners: those with nodes on their edges."""
@@ -65,7 +65,7 @@ def read_mesh(file: Path | str, element: str | None = None) -> PlaneMesh:
 
 
 def _require_file(path: Path) -> None:
-    """Refuse what is no file of a known format, before it is opened."""
+    """Refuse a file of an unknown format before it is opened."""
     if path.suffix.lower() not in SUFFIXES:
         raise ConfigurationError(
             f"mesh {path}: {path.suffix or 'a file without an ending'} is not read; write it as "

@@ -1,4 +1,4 @@
-r"""What a mesh does to numbers: sparse matrices between nodes and Gauss points, built once.
+r"""Operators of a mesh: sparse matrices between nodes and Gauss points, built once.
 
     strain   d eps = B du                         (Eq 5.5)
     force    I = B^T W sigma                      (Eq 5.2)

@@ -1,4 +1,4 @@
-"""What a user should know of an analysis that it does not fail for."""
+"""Remarks on an analysis: conditions that do not stop it but limit its results."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from granbench.fem.operators import ORDER
 from granbench.tensors import volumetric_strain
 
 LARGEST_VOLUMETRIC_STRAIN = 0.5
-"""No soil changes its volume by half, and strains that large are not small."""
+"""Largest credible volumetric strain: no soil changes its volume by more than half."""
 
 LARGEST_IMBALANCE = 0.01
-"""Of the stress at the start; beyond it the loads at the start do not hold the body."""
+"""Largest imbalance that is tolerated, relative to the stress at the start."""
 
 
 def remarks(dataset: xr.Dataset) -> list[str]:
-    """Sentences about an analysis, finished or not; none where there is nothing to say.
+    """Sentences about an analysis, finished or not; empty if there is nothing to remark.
 
     Parameters
     ----------
@@ -60,14 +60,14 @@ def _imbalance(dataset: xr.Dataset) -> str | None:
     model = dataset.attrs["cell"]
     if math.isinf(share):
         return (
-            f"{model} gives no finite stress at the start, where nothing is strained; choose "
-            "another start or another model"
+            f"{model} gives no finite stress at the start, at zero strain; choose another start or "
+            "another model"
         )
     imposed = float(np.abs(dataset["stress"].values[0]).max()) or UNSTRESSED
     return (
-        f"the analysis starts out of balance: unstrained, {model} gives a stress that is off the "
-        f"imposed one by up to {100.0 * share:.3g} % of {imposed / 1e3:.4g} kPa; start it at a "
-        "pressure that it knows, as by the choice of `confinement`"
+        f"the analysis starts out of balance: at zero strain, {model} changes the imposed stress "
+        f"by up to {100.0 * share:.3g} % of {imposed / 1e3:.4g} kPa; choose a confinement at which "
+        "the model was trained"
     )
 
 
@@ -83,7 +83,7 @@ def _volume(dataset: xr.Dataset) -> str | None:
         f"output step {step}, at driving strain {float(dataset['driving_strain'][step]):.4g}, "
         f"{100.0 * largest.max():.3g} % at most, and {100.0 * worst:.3g} % in the mean over the "
         f"body; the loading goes beyond small strains, or {dataset.attrs['cell']} is outside of "
-        "what it can follow: do not use the results from that step on"
+        "its range: do not use the results from that step on"
     )
 
 
@@ -95,6 +95,6 @@ def _turned(dataset: xr.Dataset) -> str | None:
     strain = float(dataset["driving_strain"][step])
     return (
         f"elements have turned over, {int(counts[step])} by output step {step} at driving strain "
-        f"{strain:.4g} and {int(counts.max())} at most: small-strain theory computes on, but no "
-        "body deforms so; end the loading before"
+        f"{strain:.4g} and {int(counts.max())} at most, which no body can do: small-strain theory "
+        "does not apply; end the loading earlier"
     )

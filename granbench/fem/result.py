@@ -1,4 +1,4 @@
-"""What an analysis leaves behind: curves, Gauss-point histories and energies as one dataset."""
+"""Result of an analysis: curves, Gauss-point histories and energies as one dataset."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ DESCRIPTIONS: Mapping[str, tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class Analysis:
-    """What was computed, and why it ended early if it did.
+    """Result of an analysis, and the reason if it ended early.
 
     Parameters
     ----------

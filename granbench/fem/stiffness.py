@@ -1,4 +1,4 @@
-"""The stiffness matrix of the free displacements: its pattern once, its numbers when asked for."""
+"""The stiffness matrix of the free displacements: its pattern once, its values on request."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from granbench.fem.mesh import Floats
 from granbench.fem.operators import Operators
 
 Solve = Callable[[Floats], Floats]
-"""From forces (free,) to displacements (free,)."""
+"""Function from forces (free,) to displacements (free,)."""
 
 
 class StiffnessPattern:
-    """Where the entries of element stiffnesses go.
+    """Sparsity pattern of the stiffness, and the places of element stiffnesses in it.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class StiffnessPattern:
         return csc_array((data, self._rows, self._starts), shape=(self.size, self.size))
 
     def factorised(self, tangent: Floats) -> Solve | None:
-        """What solves K x = f; None where K is singular or not finite."""
+        """Solver of K x = f; None if K is singular or not finite."""
         matrix = self.matrix(tangent)
         if not np.isfinite(matrix.data.sum()):
             return None

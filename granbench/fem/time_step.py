@@ -1,4 +1,4 @@
-"""Settings of the explicit solver; the time step that follows (Eq 5.8), and the output steps."""
+"""Settings of the explicit solver, its time step (Eq 5.8) and output steps."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from granbench.fem.operators import Operators
 
 LARGEST_DAMPING = 1e4
 LARGEST_MODULUS = 1e15
-"""Of Eq 5.9, Pa."""
+"""Largest modulus E of the damping (Eq 5.9), Pa."""
 MOST_STEPS = 100_000_000
-"""Some hours of the quickest analysis: more of them are a mistake in a unit."""
+"""Time steps; even the fastest analysis would take hours, so a unit is probably wrong."""
 
 MOST_TURNS = 10_000
 """Turning points of a load path, each of them an output step."""
 
 ON_A_STEP = 1e-9
-"""Of the number of time steps: a distance from a whole number that is rounding."""
+"""Distance of a number of time steps from a whole number that counts as rounding."""
 
 
 def require_whole(settings: object, *names: str) -> None:
-    """Refuse settings that count something and are no whole number, or None.
+    """Refuse settings that must be whole numbers or None.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def require_whole(settings: object, *names: str) -> None:
 
 @dataclass(frozen=True)
 class ExplicitSettings:
-    """How an explicit analysis is made.
+    """Settings of an explicit analysis.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class TimeStep:
 
     Parameters
     ----------
-    chosen : s, what was asked for or follows from Eq 5.8
+    chosen : s, from the settings or Eq 5.8
     limit : 2/omega_max, s, of the stiffest element at the start
     """
 
@@ -129,8 +129,7 @@ def choose_time_step(
     modulus = settings.modulus or stiffest
     if not 0.0 < modulus < math.inf:
         raise ConfigurationError(
-            f"{points.cell.name} has no stiffness at the start from which a time step follows; "
-            "give its modulus"
+            f"{points.cell.name} has no stiffness at the start for the time step; give a modulus"
         )
     if not np.isfinite(tangent).all() or settings.modulus:
         tangent = np.tile(modulus * np.diag([1.0, 1.0, 0.5]), (points.count, 1, 1))
@@ -176,7 +175,8 @@ def output_steps(drive: LoadingHistory, time_step: float, settings: ExplicitSett
     if not wanted <= MOST_STEPS:
         raise ConfigurationError(
             f"a loading of {drive.end:.3g} s in time steps of {time_step:.3g} s takes "
-            f"{wanted:.3g} of them, more than {MOST_STEPS:.0g}; load faster or shorter"
+            f"{wanted:.3g} of them, more than {MOST_STEPS:.0g}; shorten the loading or raise "
+            "its speed"
         )
     even = max(1, math.ceil(wanted / count - 1e-9)) * np.arange(count + 1)
     turns = drive.turning_times / drive.end

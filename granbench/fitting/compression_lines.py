@@ -1,7 +1,7 @@
-"""First values of the compression lines, read off oedometer tests as an engineer would.
+"""Starting values of the compression lines, read from oedometer tests.
 
 A search that starts from another soil often stays on the swelling line: the specimen counts as so
-heavily overconsolidated that it never yields, and nothing moves the virgin compression line.
+heavily overconsolidated that it never yields, and nothing changes the virgin compression line.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ YIELD_OVER_MEAN = 1.36
 LEAST_KAPPA = 0.15
 GREATEST_KAPPA = 0.8
 """Bounds of kappa as a share of lambda: without lateral strain the first unloading is stiffer than
-kappa, for q falls with p, and a start that is too stiff is not followed."""
+kappa, because q decreases with p, and a start that is too stiff fails."""
 
 
 def compression_lines(batches: Sequence[TestBatch], names: Sequence[str]) -> dict[str, float]:
@@ -60,7 +60,7 @@ def _lines(batch: TestBatch, first_void_ratio: float) -> Mapping[str, float]:
     p = stress[top] * (1.0 + 2.0 * k0) / 3.0 / 1e3
     size = np.log(YIELD_OVER_MEAN)
     intercept = float(void_ratio[top] + steepest * (np.log(p) + size) - kappa * size)
-    # No start is looser than the line allows.
+    # No start may be looser than the line.
     first = stress[0] * (1.0 + 2.0 * k0) / 3.0 / 1e3
     loosest = first_void_ratio + steepest * (np.log(first) + size) - kappa * size
     intercept = max(intercept, float(loosest) + 0.1 * steepest)

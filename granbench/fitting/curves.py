@@ -1,4 +1,4 @@
-"""Measured against predicted: error of every test, and the curves that a figure shows."""
+"""Measured against predicted: errors of tests, and curves for figures."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,12 +14,11 @@ from granbench.tensors import mean_stress, volumetric_strain
 
 CURVES = {
     "axial_strain": ("1", "axial strain"),
-    "deviatoric_stress": ("Pa", "deviatoric stress, axial less lateral"),
+    "deviatoric_stress": ("Pa", "deviatoric stress, axial minus lateral"),
     "mean_stress": ("Pa", "mean stress"),
     "volumetric_strain": ("1", "volumetric strain, compression positive"),
     "axial_stress": ("Pa", "axial stress"),
 }
-
 
 COLUMNS = (
     "axial_strain",
@@ -32,12 +31,12 @@ COLUMNS = (
     "predicted_axial_stress",
     "measured_axial_stress",
 )
-"""Variables in their order in files: new ones come last, so that the places of the others stay."""
+"""Variables in the order of files: new ones are added at the end."""
 
 
 @dataclass(frozen=True)
 class TestError:
-    """How far a model is from a test.
+    """Error of a model in a test.
 
     Parameters
     ----------
@@ -63,7 +62,7 @@ class TestError:
 
 
 def errors_of(role: str, batch: TestBatch, prediction: Prediction) -> list[TestError]:
-    """The errors of a batch's tests with one parameter vector; weights do not enter."""
+    """The errors of the tests of a batch with one parameter vector, without weights."""
     error = (prediction.quantities(batch)[0] - batch.observed) / batch.scale[:, None]
     lost = ~error.isfinite()
     squares = np.where(lost, LOST, error.nan_to_num().numpy()) ** 2
@@ -93,10 +92,10 @@ def curves_of(predicted: Sequence[tuple[str, TestBatch, Prediction]]) -> xr.Data
 
     Returns
     -------
-    Dataset over `test` and `step`, NaN after a test's end and where nothing was measured or
-    predicted, with `axial_strain` as it was measured, `predicted_axial_strain`, which differs from
-    it where the axial stress drives, and `measured_NAME`, `predicted_NAME` for the other names in
-    `CURVES`; coordinates `test` and `role`
+    Dataset over `test` and `step`, NaN after the end of a test and where nothing was measured or
+    predicted, with the measured `axial_strain`, with `predicted_axial_strain`, which differs from
+    it where the axial stress is prescribed, and `measured_NAME`, `predicted_NAME` for the other
+    names in `CURVES`; coordinates `test` and `role`
     """
     rows: list[dict[str, np.ndarray]] = []
     names, roles = [], []
@@ -153,7 +152,7 @@ def _curves(batch: TestBatch, prediction: Prediction, test: int) -> dict[str, np
 def _oedometer_curves(
     batch: TestBatch, prediction: Prediction, test: int, real: Tensor
 ) -> dict[str, np.ndarray]:
-    """Curves of a test driven by its axial stress, at its measured points alone."""
+    """Curves of a test driven by its axial stress, at its measured points only."""
     rows = real.nonzero().flatten()
     strain = prediction.strain[0, test, rows].numpy()
     stress = prediction.stress[0, test, rows].numpy()

@@ -68,7 +68,7 @@ class Fit:
     warnings: tuple[str, ...]
 
     def interval(self) -> dict[str, tuple[float, float]]:
-        """Ends of the 95 % interval of the value of every identifiable parameter, by name.
+        """The 95 % interval of the value of every identifiable parameter, by name.
 
         A parameter that the tests do not identify has no interval: along a flat direction the
         curvature does not show how far it may go.

@@ -18,36 +18,36 @@ from granbench.fitting.rollouts import (
 from granbench.fitting.test_batch import TestBatch
 
 LARGE = 1.0
-"""Error, in ranges of the quantity, above which only its logarithm grows."""
+"""Error, in ranges of the quantity, above which its logarithm is used."""
 
 LOST = 20.0
-"""Error, in ranges of the quantity, that counts for every point that a model does not reach: more
-than any point that it does reach, however far from the data. The logarithm gets there at e^19."""
+"""Error, in ranges of the quantity, of every point that the model does not reach: larger than that
+of any point it reaches. The logarithm would get there at e^19."""
 
 LAST_SHARE = 0.1
-"""Share of the error at the last point that was reached, by which lost ones count more: a slope
-along which a search comes back to parameters that follow further."""
+"""Share of the error at the last reached point that is added to lost points: a slope along which
+the search returns to parameters that reach further."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What parameter vectors predict, and how far it is from what was measured.
+    """Predictions of parameter vectors and their residuals.
 
     Parameters
     ----------
     residuals : (vector, residual); infinite where the model cannot start with a vector
-    predictions : one a batch, of all vectors; NaN there
+    predictions : one per batch, of all vectors; NaN there
     """
 
     residuals: Tensor
     predictions: tuple[Prediction, ...]
 
     def of(self, vectors: Tensor) -> "Evaluation":
-        """That of some vectors, by their places."""
+        """The evaluation of the vectors at some places."""
         return Evaluation(self.residuals[vectors], tuple(p.of(vectors) for p in self.predictions))
 
     def replaced(self, vectors: Tensor, other: "Evaluation") -> "Evaluation":
-        """This one, with another at some vectors, by their places."""
+        """A copy with another evaluation of the vectors at some places."""
         pairs = zip(self.predictions, other.predictions, strict=True)
         return Evaluation(
             self.residuals.index_copy(0, vectors, other.residuals),
@@ -57,7 +57,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Tests and the parameters that are to answer them.
+    """The least-squares problem: tests, and the parameters to fit to them.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class LeastSquares:
         return torch.ones(len(vectors), dtype=torch.bool)
 
     def evaluated(self, vectors: Tensor) -> Evaluation:
-        """What the vectors (vector, parameter) predict, with its residuals."""
+        """Predictions and residuals of vectors (vector, parameter)."""
         possible = torch.nonzero(self.can_start(vectors)).flatten()
         residuals, predictions = [], []
         for batch in self.batches:
@@ -166,8 +166,8 @@ class LeastSquares:
 def _weighted_errors(predicted: Tensor, batch: TestBatch) -> Tensor:
     """Residuals (vector, residual) of what was predicted (vector, test, step, quantity).
 
-    An error of more than a range counts with its logarithm, and a lost point with more than any
-    error, so that a search never gains by parameters with which the model follows less.
+    An error above one range counts with its logarithm, and a lost point more than any error, so
+    parameters with which the model reaches fewer points never lower the cost.
     """
     lost, last = _lost(predicted)
     ranges = shortened(_ranges(_at_last(predicted, last), batch, last))
@@ -176,7 +176,7 @@ def _weighted_errors(predicted: Tensor, batch: TestBatch) -> Tensor:
 
 
 def shortened(ranges: Tensor) -> Tensor:
-    """Errors, in ranges, of which what is beyond `LARGE` is its logarithm; at most `LOST`."""
+    """Errors, in ranges, with logarithms beyond `LARGE`; at most `LOST`."""
     size = ranges.abs()
     logarithm = LARGE + LARGE * (size.clamp(min=LARGE) / LARGE).log()
     return torch.where(size > LARGE, ranges.sign() * logarithm.clamp(max=LOST), ranges)
@@ -197,7 +197,7 @@ def _slope(predicted: Tensor, batch: TestBatch, last: Tensor, lost: Tensor) -> T
 
 
 def _lost(predicted: Tensor) -> tuple[Tensor, Tensor]:
-    """Which points (vector, test, step, quantity) are lost; of each, the last step not lost."""
+    """Lost points (vector, test, step, quantity), and for each the last step that is not lost."""
     lost = ~predicted.isfinite()
     steps = torch.arange(predicted.shape[2])[:, None].expand_as(predicted)
     return lost, torch.where(lost, 0, steps).cummax(dim=2).values

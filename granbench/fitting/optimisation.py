@@ -57,7 +57,7 @@ class Effort:
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where each start ended.
+    """Final state of the search from each start.
 
     Parameters
     ----------
@@ -124,13 +124,13 @@ def levenberg_marquardt(
     vectors : (start, parameter)
     effort : when to stop
     on : called after each iteration
-    offset : (start, residual), added to the residuals; the bootstrap puts its noise there
-    stop : asked before each iteration; true ends the search where it is
+    offset : (start, residual), added to the residuals, for the noise of the bootstrap
+    stop : called before each iteration; true ends the search
 
     References
     ----------
     Levenberg (1944), Quart. Appl. Math. 2(2): the damping. Nielsen (1999), IMM-REP-1999-05: how it
-    follows the ratio of the decrease to what the linearisation promised.
+    follows the ratio of the decrease to that of the linearisation.
     """
     search = _Search(problem, vectors, offset, effort.tolerance)
     for iteration in range(effort.iterations):
@@ -230,7 +230,7 @@ def _damped_step(normal: Tensor, gradient: Tensor, damping: Tensor, vectors: Ten
     """-(J^T J + damping max(diag J^T J) I)^-1 J^T r, (start, parameter), within its bounds.
 
     No component is longer than allowed or leads out of the range that is searched. One that would
-    is held at its bound and the others are solved for anew, so that a parameter that hardly acts
+    is held at its bound and the others are solved for again, so that a parameter that hardly acts
     neither shortens the steps of those that do nor makes the search look as if it had arrived. The
     unconstrained numbers are of one size, so one damping holds all of them.
     """

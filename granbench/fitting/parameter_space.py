@@ -25,7 +25,7 @@ class ParameterSpace:
 
     Parameters
     ----------
-    cell : the model; its own parameters stay what they are
+    cell : the model; its own parameters do not change
     names : of the free parameters, in the order of the vectors
     """
 
@@ -34,7 +34,7 @@ class ParameterSpace:
 
     @classmethod
     def of(cls, cell: ClassicalCell, free: Sequence[str] | None = None) -> "ParameterSpace":
-        """The space of the parameters that are named; all by default.
+        """The space of the named parameters; all by default.
 
         Raises
         ------
@@ -68,7 +68,7 @@ class ParameterSpace:
 
     @property
     def scale(self) -> Tensor:
-        """(size,), by which a vector is multiplied to be the numbers u."""
+        """Factors (size,) from a vector to the unconstrained numbers of the cell."""
         return torch.tensor([self._scale(parameter) for parameter in self.parameters]).double()
 
     def _scale(self, parameter: Parameter) -> float:
@@ -87,7 +87,7 @@ class ParameterSpace:
             }
 
     def vector(self, values: Mapping[str, float]) -> Tensor:
-        """The vector (size,) of some values, and the cell's own for the other parameters."""
+        """The vector (size,) of given values, with those of the cell for the other parameters."""
         numbers = torch.zeros(self.size, dtype=torch.float64)
         for place, parameter in enumerate(self.parameters):
             if parameter.name not in values:
@@ -117,7 +117,7 @@ def _logit(share: float) -> float:
 
 
 class _Holder(torch.nn.Module):
-    """Makes anything that is done with a cell a call of a module, as `functional_call` wants it."""
+    """Wraps an action with a cell as the call of a module, for `functional_call`."""
 
     def __init__(self, cell: ClassicalCell) -> None:
         super().__init__()
@@ -130,11 +130,11 @@ class _Holder(torch.nn.Module):
 def with_parameters(
     cell: ClassicalCell, free: Mapping[str, Tensor], action: Callable[[ClassicalCell], Any]
 ) -> Any:
-    """What an action with a cell returns while the cell has other unconstrained parameters.
+    """The result of an action with a cell that has other unconstrained parameters.
 
     Parameters
     ----------
-    cell : left as it was
+    cell : not changed
     free : () or (point,) by name; they may carry gradients of either mode
     action : called with the cell
     """

@@ -1,17 +1,16 @@
-r"""Predictions of many parameter vectors at a time, and their derivatives.
+r"""Predictions of many parameter vectors at once, and their derivatives.
 
 Where stresses are held, the free strains x of a step solve r(x, state, theta) = 0, and by the
 implicit function theorem dx = -(dr/dx)^-1 (dr/dstate dstate + dr/dtheta dtheta): Newton's
-iterations of `granbench.element_test.run` are never differentiated, only the step that they end
-with.
+iterations of `granbench.element_test.run` are never differentiated, only their final step.
 
-A *gradient* comes from back-propagation through the whole sequence. The *Jacobian* of all that is
-compared, with its many rows and few columns, is carried forward from step to step (Eq 7.36):
+A *gradient* comes from back-propagation through the whole sequence. The *Jacobian* of the compared
+quantities, with many rows and few columns, is carried forward from step to step (Eq 7.36):
 
     d state_n+1 = A d state_n + B d strain + P d theta
 
-where one back-propagation through one step gives A, B and P together: each entry of the new state
-is asked of a copy of the points of its own.
+where one back-propagation through one step gives A, B and P together: every entry of the new state
+is differentiated in its own copy of the points.
 """
 
 from collections.abc import Callable, Mapping
@@ -29,17 +28,18 @@ from granbench.fitting.test_batch import TestBatch
 from granbench.models import ClassicalCell
 
 HELD_TOLERANCE = 3e-4
-"""Of the held stresses, relative: finer than any cell pressure is held, and coarser than the error
-of a model that controls its own, below which its stress is no smooth function of the strain."""
+"""Relative tolerance of held stresses: finer than the control of any cell pressure, and coarser
+than the error of models with error control, below which their stress is not a smooth function of
+the strain."""
 
 LIMITS = IterationLimits(iterations=10, halvings=3, smallest_share=0.25, failed_calls=2)
-"""A search meets many parameters with which the model cannot follow a test; to be sure that it
-cannot would take longer than all that can."""
+"""Reduced effort: with many parameters of a search the model cannot follow a test, and proving that
+would take longer than all other tests."""
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What parameter vectors predict for a batch; NaN from where the model could not follow.
+    """Predictions of parameter vectors for a batch; NaN from where the model failed.
 
     Parameters
     ----------
@@ -51,20 +51,20 @@ class Prediction:
 
     @classmethod
     def unknown(cls, vectors: int, batch: TestBatch) -> "Prediction":
-        """That of vectors of which nothing is known."""
+        """The prediction NaN, of vectors that were not run."""
         nothing = torch.full((vectors, *batch.control.driven.shape), torch.nan).double()
         return cls(nothing, nothing)
 
     def quantities(self, batch: TestBatch) -> Tensor:
-        """What is compared, (vector, test, step, quantity)."""
+        """The compared quantities, (vector, test, step, quantity)."""
         return batch.quantity(self.stress, self.strain)
 
     def of(self, vectors: Tensor) -> "Prediction":
-        """That of some vectors, by their places."""
+        """The prediction of the vectors at some places."""
         return Prediction(self.strain[vectors], self.stress[vectors])
 
     def replaced(self, vectors: Tensor, other: "Prediction") -> "Prediction":
-        """This one, with another at some vectors, by their places."""
+        """A copy with another prediction of the vectors at some places."""
         return Prediction(
             self.strain.index_copy(0, vectors, other.strain),
             self.stress.index_copy(0, vectors, other.stress),
@@ -77,7 +77,7 @@ def predict(space: ParameterSpace, vectors: Tensor, batch: TestBatch) -> Predict
     Raises
     ------
     ModelError
-        If the model cannot start so.
+        If the model cannot start with these parameters.
     """
     control, conditions = batch.repeated(len(vectors))
     cell = CellOfEachPoint(space.cell, space.per_point(vectors.detach(), batch.size))
@@ -91,13 +91,13 @@ def predict(space: ParameterSpace, vectors: Tensor, batch: TestBatch) -> Predict
 def sensitivity(
     space: ParameterSpace, vectors: Tensor, batch: TestBatch, prediction: Prediction
 ) -> Tensor:
-    """Derivatives of what is compared, (vector, test, step, quantity, parameter).
+    """Derivatives of the compared quantities, (vector, test, step, quantity, parameter).
 
     Parameters
     ----------
     vectors : (vector, size)
     batch : the tests
-    prediction : that `predict` made of the same vectors
+    prediction : of the same vectors, from `predict`
     """
     cell, stress = space.cell, space.cell.layout["stress"]
     held = torch.from_numpy(batch.control.held).repeat(len(vectors), 1, 1)
@@ -125,9 +125,9 @@ def sensitivity(
             moved = moved - along @ x
         stresses.append(change[:, stress])
         strains.append(moved)
-    # (point, step, component, parameter), as `TestBatch.quantity` wants it: components last.
+    # (point, step, component, parameter), for `TestBatch.quantity`: components last.
     of_stress, of_strain = (torch.stack(parts, dim=1).mT for parts in (stresses, strains))
-    # The cell's own numbers are the vectors' times a scale.
+    # The numbers of the cell are the vectors times a scale.
     quantities = batch.quantity(of_stress, of_strain).mT * space.scale
     return quantities.unflatten(0, (len(vectors), batch.size))
 
@@ -138,14 +138,14 @@ def _differentiated(
     given: Mapping[str, Tensor],
     action: Callable[[ClassicalCell, Mapping[str, Tensor]], Tensor],
 ) -> tuple[Tensor, Tensor, tuple[Tensor, ...]]:
-    """A state and its derivatives by parameters and by what is given.
+    """A state and its derivatives by parameters and given tensors.
 
     Parameters
     ----------
     cell : the model
     free : unconstrained parameters (point,) by name
     given : (point, n) by name
-    action : makes the state (copy * point, n_state) of a cell and of what is given, repeated
+    action : computes the state (copy * point, n_state) from a cell and the repeated given tensors
 
     Returns
     -------
@@ -172,12 +172,12 @@ def _differentiated(
 
 
 def differentiable_quantities(space: ParameterSpace, vectors: Tensor, batch: TestBatch) -> Tensor:
-    """What is compared, (vector, test, step, quantity), with gradients to the vectors.
+    """The compared quantities, (vector, test, step, quantity), with gradients to the vectors.
 
     Raises
     ------
     ModelError
-        If the model cannot start so.
+        If the model cannot start with these parameters.
     """
     control, conditions = batch.repeated(len(vectors))
     free = space.per_point(vectors, batch.size)
@@ -201,8 +201,8 @@ def _implicit_rollout(
 ) -> tuple[Tensor, Tensor]:
     """Stress and strain (point, step, component) about a solution of mixed control.
 
-    The values are those of the solution; the free strains get the derivative of the implicit
-    function by one Newton step from a residual that is zero but has a gradient.
+    The values are those of the solution; one Newton step from a zero residual with a gradient gives
+    the free strains the derivative of the implicit function.
     """
     state = cell.initial_state(conditions)
     strain = torch.zeros_like(solved[:, 0])

@@ -1,4 +1,4 @@
-"""How well the data fix the parameters: identifiability, intervals, correlations."""
+"""How well the data determine the parameters: identifiability, intervals, correlations."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ Floats = NDArray[np.float64]
 
 COVERAGE = 0.95
 NORMAL_QUANTILE = 1.959964
-"""Of the standard normal distribution at 97.5 %."""
+"""Quantile of the standard normal distribution at 97.5 %."""
 
 FLAT_ERROR = 1e-4
 FLAT_SHARE = 0.1
 """A direction is flat where a step of one, a factor e of a positive parameter, would change the
-curves by less than 0.01 % of their range, or less than a tenth of the error that is left anyway."""
+curves by less than 0.01 % of their range, or less than a tenth of the remaining error."""
 
 INVOLVED = 0.3
 """Entry in a flat direction from which a parameter counts as not identifiable."""
@@ -29,7 +29,7 @@ INVOLVED = 0.3
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What the singular values of the scaled Jacobian say.
+    """Identifiability of parameters by the singular values of the scaled Jacobian.
 
     Parameters
     ----------
@@ -86,20 +86,20 @@ def laplace(
 ) -> Uncertainty:
     """Intervals from the curvature at the minimum: covariance = r^T r/(n - parameters) (J^T J)^-1.
 
-    Errors of neighbouring points are alike, for a model that is off is off over a stretch; so n
-    counts independent points only, see `independent_points`.
+    Errors of neighbouring points are correlated, because a model error extends over many points; so
+    n counts independent points only, see `independent_points`.
 
     Parameters
     ----------
     vector : (parameter,), the minimum
     residual : (residual,)
     jacobian : (residual, parameter)
-    batches : what the residuals are of
+    batches : of the residuals
     """
     count = sum(independent_points(series) for series in _series(residual, batches))
     variance = float((residual**2).sum()) / max(count - len(vector), 1.0)
     squares, directions = torch.linalg.eigh(jacobian.T @ jacobian)
-    # A direction without any effect has no finite interval; rounding would give it a wrong one.
+    # A direction without effect has no finite interval; rounding would give a wrong one.
     squares = squares.clamp(min=1e-15 * squares[-1].clamp(min=torch.finfo(squares.dtype).tiny))
     covariance = variance * (directions / squares) @ directions.T
     deviation = covariance.diagonal().sqrt()
@@ -117,12 +117,12 @@ def bootstrap(
 ) -> Uncertainty:
     """Intervals from fits to resampled errors, all in one batch.
 
-    Each sample is what was predicted plus the errors of the fit in another order: moving blocks,
-    as long as the errors are alike, drawn with replacement within each test and quantity.
+    Each sample is the prediction plus the errors of the fit in another order: moving blocks of the
+    length of the correlation, drawn with replacement within each test and quantity.
 
     Parameters
     ----------
-    problem : what was fitted
+    problem : of the fit
     vector : (parameter,), its minimum
     residual : (residual,) there
     count : of samples
@@ -174,7 +174,7 @@ def _moving_blocks(errors: Floats, generator: np.random.Generator) -> Floats:
 
 
 def _series(residual: Tensor, batches: Sequence[TestBatch]) -> Iterator[Floats]:
-    """The residuals of every test and quantity, (point,), where something was measured."""
+    """The residuals of every test and quantity, (point,), at measured points."""
     start = 0
     for batch in batches:
         part = residual[start : start + batch.weight.numel()].reshape(batch.weight.shape)
@@ -191,7 +191,7 @@ def _normalised(covariance: Tensor) -> Floats:
 
 
 def independent_points(series: Floats) -> float:
-    """How many independent points a series (point,) of errors is worth, at least one."""
+    """Equivalent number of independent points of a series (point,) of errors, at least one."""
     if len(series) < 3:
         return float(len(series))
     squares = float(np.dot(series, series))

@@ -20,7 +20,7 @@ LATERAL_STRAIN_GIVEN = ("triaxial-undrained", "oedometer", "isotropic")
 equal strain in all directions. In none of them is the effective lateral stress constant."""
 
 KINDS = (*HELD_LATERAL_STRESS, *LATERAL_STRAIN_GIVEN, "strain")
-"""What was controlled, under the names of `granbench.paths.standard_tests`; `uniaxial` is a bar
+"""Kinds of test, under the names of `granbench.paths.standard_tests`; `uniaxial` is a bar
 without lateral stress, `strain` any other test whose strains were all measured."""
 
 CONSTANT_STRESS = 0.05
@@ -37,7 +37,7 @@ tenths of p, and load cells are read to a few thousandths."""
 
 @dataclass(frozen=True)
 class Interpretation:
-    """How a file was interpreted, in words for the user.
+    """Interpretation of a file, in words for the user.
 
     Parameters
     ----------

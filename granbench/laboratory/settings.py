@@ -18,7 +18,7 @@ EARTH_PRESSURE_COEFFICIENT = 0.5
 
 @dataclass(frozen=True)
 class ImportSettings:
-    """How a laboratory file is read.
+    """Settings for reading a laboratory file.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ there may be the first reading of an excess over the back pressure."""
 
 @dataclass(frozen=True)
 class Water:
-    """What is known of the pore pressure.
+    """The known part of the pore pressure.
 
     Parameters
     ----------

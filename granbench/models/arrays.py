@@ -1,4 +1,4 @@
-"""What the models' formulas are written in, so that one text serves torch and NumPy.
+"""Functions for the formulas of models, the same for torch and NumPy.
 
 A formula takes tensors where gradients are wanted or points are many. Where no gradient is wanted
 and points are few it takes NumPy's arrays, whose calls cost a third of torch's: of some hundred
@@ -17,8 +17,8 @@ import torch
 from torch import Tensor
 
 Array: TypeAlias = Tensor
-"""A tensor or an array of NumPy's. To mypy it is a tensor: it has no word for "all of these are of
-one kind", and what it can check on tensors holds for both."""
+"""A tensor or a NumPy array. To mypy it is a tensor: it cannot express "all of one kind", and
+what it checks for tensors holds for both."""
 
 Number: TypeAlias = Array | float
 
@@ -86,24 +86,24 @@ def contracted(weights: Array, a: Array, b: Array) -> Array:
 
 
 def at_least(x: Array, lowest: float) -> Array:
-    """x, or `lowest` where it is below; not a number stays what it is."""
+    """x, or `lowest` where x is below it; NaN stays NaN."""
     return x.clamp(min=lowest) if isinstance(x, Tensor) else np.maximum(x, lowest)
 
 
 def between(x: Array, lowest: float, highest: float) -> Array:
-    """x, or the bound that it is beyond; not a number stays what it is."""
+    """x, clipped to two bounds; NaN stays NaN."""
     if isinstance(x, Tensor):
         return x.clamp(lowest, highest)
     return np.minimum(np.maximum(x, lowest), highest)
 
 
 def minimum(a: Array, b: Array) -> Array:
-    """The lesser of two, entry by entry; not a number where either is none."""
+    """Minimum of two, entry by entry; NaN where either is NaN."""
     return torch.minimum(a, b) if isinstance(a, Tensor) else np.minimum(a, b)
 
 
 def maximum(a: Array, b: Array) -> Array:
-    """The greater of two, entry by entry; not a number where either is none."""
+    """Maximum of two, entry by entry; NaN where either is NaN."""
     return torch.maximum(a, b) if isinstance(a, Tensor) else np.maximum(a, b)
 
 
@@ -114,27 +114,27 @@ def where(condition: Array, a: Number, b: Number) -> Array:
 
 
 def isfinite(x: Array) -> Array:
-    """Where entries are finite numbers."""
+    """Mask of the entries that are finite."""
     return torch.isfinite(x) if isinstance(x, Tensor) else np.isfinite(x)
 
 
 def isnan(x: Array) -> Array:
-    """Where entries are no numbers."""
+    """Mask of the entries that are NaN."""
     return torch.isnan(x) if isinstance(x, Tensor) else np.isnan(x)
 
 
 def full_like(x: Array, number: float) -> Array:
-    """As many entries as x has, all of one number."""
+    """An array like x with all entries equal to one number."""
     return torch.full_like(x, number) if isinstance(x, Tensor) else np.full_like(x, number)
 
 
 def zeros_like(x: Array) -> Array:
-    """As many zeros as x has entries."""
+    """An array like x of zeros."""
     return torch.zeros_like(x) if isinstance(x, Tensor) else np.zeros(x.shape, x.dtype)
 
 
 def ones_like(x: Array) -> Array:
-    """As many ones as x has entries."""
+    """An array like x of ones."""
     return torch.ones_like(x) if isinstance(x, Tensor) else np.ones(x.shape, x.dtype)
 
 

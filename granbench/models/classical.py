@@ -49,7 +49,7 @@ class ClassicalCell(MaterialCell, ParametrisedModule):
 
     Attributes
     ----------
-    title : for people
+    title : full name, in figures and tables
     dimension : of space in which the model is defined, 2 or 3
     parameter_table, parameter_sets : see `ParametrisedModule`
     holds_without_stress : whether such a model may start at zero mean stress, its apex

@@ -26,7 +26,7 @@ from granbench.tensors import COMPONENT_ORDERS, PLANE_STRAIN_ROWS, is_normal
 
 
 class _Units(NamedTuple):
-    """What invariants are products with, in one kind of arrays.
+    """Vectors that give invariants as products, in one kind of arrays.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ class TensorRows:
 
 
 def safe_root(square: Array) -> Array:
-    """Square root of what is not negative, at a gradient of zero, not NaN, where it vanishes."""
+    """Square root with a gradient of zero, not NaN, at zero."""
     return sqrt(at_least(square, smallest_square(square)))
 
 

@@ -37,7 +37,7 @@ NO_STRESS = 1e-9
 
 
 class DruckerPrager(ClassicalCell):
-    """See the module."""
+    """Drucker-Prager plasticity without hardening; see the module for its equations."""
 
     name = "drucker-prager"
     title = "Drucker-Prager, perfectly plastic"

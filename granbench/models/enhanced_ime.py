@@ -15,8 +15,8 @@ negative C_p, and dissipation is never negative for C_d >= 0. What the source le
   compaction hardens: <eps_v^p> is eps_v^p or, where that is negative, zero.
 - Eq 7.12 states elasticity in total strain; with a stiffness that plastic strain changes, the
   stress would change without elastic strain. Here elasticity is a law of rates.
-- Eq 7.17 has an apex at p = (H + sigma_0)/C_p, of which nothing is said. There the deviator is
-  used up and the plastic strain goes along the axis, in the direction of C_p.
+- Eq 7.17 has an apex at p = (H + sigma_0)/C_p, which the source does not treat. There the deviator
+  is used up and the plastic strain goes along the axis, in the direction of C_p.
 
 The return is implicit in one scalar, the plastic multiplier mu, for given moduli: with t the
 smaller of mu and q_trial/3G, where the deviator is used up,
@@ -60,7 +60,7 @@ STEEPEST = 3.0
 """Slope beyond which no stress in triaxial compression, where q < 3 p, could yield."""
 
 LEAST_SLOPE = 1e-9
-"""Of C_p; below, the surface is a cylinder, and nothing reaches its apex."""
+"""Value of C_p below which the surface is a cylinder without an apex."""
 
 KINK_ROUNDINGS = 4.0
 """A compaction of so many unit roundings is what the sum of three plastic strains leaves of none.
@@ -72,7 +72,7 @@ TINY = 1e-30
 
 
 class EnhancedIME(ClassicalCell):
-    """See the module."""
+    """IME with friction and dilation; see the module for its equations."""
 
     name = "enhanced-ime"
     title = "Enhanced IME: friction, dilation, changing stiffness"

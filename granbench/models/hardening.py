@@ -1,6 +1,6 @@
 r"""Von Mises plasticity whose yield stress grows with the Frobenius norm of the plastic strain.
 
-What `j2-hardening` and `ime` share; they state the moduli and the law Y of the yield stress.
+Common to `j2-hardening` and `ime`, which give the moduli and the law Y of the yield stress.
 
     elasticity   sigma_trial = sigma_n + K d eps_v I + 2 G de
     yield        f = q - Y(||eps^p||_F) <= 0
@@ -51,7 +51,7 @@ class Return(NamedTuple):
 
 
 class HardeningCell(ClassicalCell):
-    """See the module."""
+    """Von Mises plasticity with hardening; see the module for its equations."""
 
     internal_tensors = ("plastic_strain",)
     numpy_updates = True

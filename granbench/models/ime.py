@@ -30,7 +30,7 @@ _SECTION_5_2_1 = {
 
 
 class IME(HardeningCell):
-    """See the module."""
+    """Von Mises plasticity with exponential hardening; see the module for its equations."""
 
     name = "ime"
     title = "IME: von Mises with exponential hardening"

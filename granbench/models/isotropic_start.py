@@ -1,4 +1,4 @@
-"""What a classical model knows of a point at an isotropic start in plane strain."""
+"""State of a classical model at an isotropic start in plane strain."""
 
 import torch
 from torch import Tensor

@@ -23,7 +23,7 @@ from granbench.models.return_mapping import elastic_constants, elastic_trial, ex
 
 
 class J2(ClassicalCell):
-    """See the module."""
+    """Perfect von Mises plasticity; see the module for its equations."""
 
     name = "j2"
     title = "J2, perfectly plastic"

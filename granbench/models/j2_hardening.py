@@ -19,7 +19,7 @@ from granbench.models.return_mapping import elastic_constants
 
 
 class J2Hardening(HardeningCell):
-    """See the module."""
+    """Von Mises plasticity with power-law hardening; see the module for its equations."""
 
     name = "j2-hardening"
     title = "J2 with power-law hardening"

@@ -22,7 +22,7 @@ class DeviatorPlane(NamedTuple):
     ----------
     square_0, square_1, square_2 : of q^2 = 3/2 s:s in a^2, a b and b^2
     cubic_0, ... cubic_3 : of q^3 sin(3 theta) = 27/2 det(s) in a^3, a^2 b, a b^2 and b^3; zero
-        where the Lode angle was not asked for
+        where the Lode angle is not needed
     """
 
     square_0: Array

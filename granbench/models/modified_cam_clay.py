@@ -1,4 +1,4 @@
-r"""`modified-cam-clay`: CSUH at chi = 0, p_s = 0 and M_f = M_c = M, the model it grew from.
+r"""`modified-cam-clay`: CSUH at chi = 0, p_s = 0 and M_f = M_c = M, which CSUH extends.
 
     yield      q^2 = M^2 p (p_c - p)
     flow       associated
@@ -8,7 +8,7 @@ r"""`modified-cam-clay`: CSUH at chi = 0, p_s = 0 and M_f = M_c = M, the model i
 N = Z makes p_s zero. M_f = M_c = M turns the hardening rule of CSUH into dH = d eps_v^p
 (`state_dependent`), and the yield surface begins at the preconsolidation pressure p_x0 = p_c
 that e0 or the overconsolidation ratio implies, instead of running through the first stress:
-inside, the material is elastic. M does not depend on the Lode angle, as Roscoe and Burland have it.
+inside, the material is elastic. M does not depend on the Lode angle, as in Roscoe and Burland.
 
 References
 ----------
@@ -34,7 +34,7 @@ _SHARED = (
 
 
 class ModifiedCamClay(CSUH):
-    """See the module; conditions that say nothing of the density begin normally consolidated."""
+    """Modified Cam-clay; without a given density, a point begins normally consolidated."""
 
     name = "modified-cam-clay"
     title = "Modified Cam-Clay"

@@ -31,7 +31,7 @@ EXPECTED = {
     "mapping_type": "an object {...}",
     "dict_type": "an object {...}",
 }
-"""What pydantic's errors ask for, in words."""
+"""Expected values by the type of pydantic's error."""
 
 
 class ParameterFile(BaseModel):

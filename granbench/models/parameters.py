@@ -21,7 +21,7 @@ class Parameter:
     name : in files, options and code, such as `friction_slope`
     symbol : in equations, figures and tables, such as `M`
     units : SI, "1" where dimensionless
-    meaning : for people
+    meaning : in words
     lower, upper : open bounds of the values that the model is defined for
 
     Notes
@@ -61,7 +61,7 @@ class Parameter:
             )
             raise ModelError(
                 f"{model}: parameter {self.name!r} ({self.symbol}, {self.units}) is {value:g} "
-                f"but must be {bounds}; mend the value"
+                f"but must be {bounds}; correct the value"
             )
 
     def constrained(self, free: Tensor, reference: float) -> Tensor:

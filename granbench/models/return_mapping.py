@@ -1,4 +1,4 @@
-"""What return mappings share: the elastic trial, the yield check, the consistency equation.
+"""Common parts of return mappings: elastic trial, yield check, consistency equation.
 
 Units and signs are those of the models: Pa, compression positive, rows (component, point).
 """
@@ -55,7 +55,7 @@ def elastic_trial(rows: TensorRows, stress: Array, dstrain: Array, c: Constants)
 
 
 def exceeds(value: Array, limit: Array, scale: Array) -> Array:
-    """Where `value` (point,) is above `limit` by more than the rounding of numbers like `scale`."""
+    """Whether `value` (point,) exceeds `limit` by more than the rounding of `scale`."""
     return value > limit + (ROUNDINGS * rounding_unit(value)) * scale
 
 

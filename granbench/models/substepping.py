@@ -1,7 +1,7 @@
 r"""Error-controlled integration of rate equations, batched, each point with its own steps.
 
-A model gives one function that makes an attempt at a piece of the increment and says how wrong it
-may be. All points first try the whole increment; those that miss the tolerance are gathered and
+A model gives one function that integrates a piece of the increment and estimates its error. All
+points first try the whole increment; those that miss the tolerance are gathered and
 go on in pieces of their own size,
 
     s <- s min(4, max(0.1, 0.9 (tolerance / error)^(1/3))),
@@ -44,7 +44,7 @@ Constants = TypeVar("Constants", bound=tuple[Array, ...])
 SAFETY = 0.9
 LEAST_FACTOR = 0.1
 LARGEST_FACTOR = 4.0
-"""Of a piece, from one to the next."""
+"""Bounds of the ratio of one piece to the one before."""
 
 
 class Attempt(NamedTuple):
@@ -62,7 +62,7 @@ class Attempt(NamedTuple):
 
 @dataclass(frozen=True)
 class Substepping:
-    """How finely increments are cut.
+    """Settings of substepping.
 
     Parameters
     ----------

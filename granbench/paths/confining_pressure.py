@@ -21,7 +21,7 @@ from granbench.errors import ConfigurationError
 from granbench.paths.programme import Floats
 
 STEPS = 100
-"""Of the thesis: pressures are given at 100 points of x and are linear between them."""
+"""Points of x at which the thesis gives pressures; they are linear in between."""
 
 LARGEST_CURVATURE = 100.0
 """Beyond it the pressure turns between the points that it is given at."""

@@ -18,7 +18,7 @@ from granbench.tensors import contraction_weights, frobenius_norm
 STRAIN_GRID = 2.0**-20
 """Recorded strains are multiples of this, about a microstrain, and so are other numbers without
 unit that go with them. Up to 16, single precision holds them exactly, and their increments too:
-whoever reads a record in float32 drives a model with the very increments that made it. A finer
+a record that is read in float32 gives a model the very increments that made it. A finer
 grid would say more of the random numbers than of the material."""
 
 

@@ -14,7 +14,7 @@ from granbench.tensors import COMPONENT_ORDERS, PRINCIPAL_DIRECTIONS, normal_mas
 
 @dataclass(frozen=True)
 class MixedControl:
-    """What is prescribed at every step of element tests, one test a point.
+    """Prescribed strains and held stresses at every step of element tests, one test a point.
 
     The strain is ``driven + free @ x`` with unknown x, found such that ``held @ stress`` equals
     `targets`: a `LoadingProgramme` at given driving lengths, in any component order.

@@ -1,4 +1,4 @@
-"""What every loading programme tells a driver: prescribed strains, controlled stresses."""
+"""Base class of loading programmes: prescribed strains and controlled stresses."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class LoadingProgramme(BaseModel, abc.ABC):
     the driver finds x such that ``controlled_stresses @ stress = targets(s)``, which has as many
     rows as `free_directions` has columns. Directions are 11 (axial), 22 (intermediate) and
     33 (minor); strain is logarithmic, compression positive. A programme in the `full` order, for
-    shear, has six components wherever three are said here.
+    shear, has six components instead of three.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")

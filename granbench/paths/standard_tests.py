@@ -24,7 +24,7 @@ class StandardTest:
 
     Parameters
     ----------
-    title : for people
+    title : full name
     make : programme of a pressure p0, Pa, a largest driving strain and, where `takes_b`, b
     takes_b : whether an intermediate stress ratio b is held
     """

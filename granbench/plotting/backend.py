@@ -1,4 +1,4 @@
-"""Imports matplotlib whatever backend the environment asks for.
+"""Imports matplotlib with any backend that the environment names.
 
 Jupyter and Colab give every process that a notebook starts
 ``MPLBACKEND=module://matplotlib_inline.backend_inline``, and matplotlib refuses to be imported

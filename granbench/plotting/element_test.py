@@ -1,4 +1,4 @@
-"""What a model answered in an element test: strength, volume and stress path."""
+"""Response of a model in an element test: strength, volume and stress path."""
 
 import numpy as np
 import xarray as xr

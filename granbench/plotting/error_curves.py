@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -15,7 +17,7 @@ PANEL = (6.4, 3.6)
 
 BAND_OPACITY = 0.12
 
-FLOOR_LINE = {"color": "0.3", "linestyle": (0, (2, 3))}
+FLOOR_LINE: dict[str, Any] = {"color": "0.3", "linestyle": (0, (2, 3))}
 FLOOR_LABEL = "replicate scatter"
 
 
@@ -116,7 +118,7 @@ def _draw_lines(axis: Axes, lines: Sequence[ErrorLine]) -> list[Line2D]:
 
 def _explain(figure: Figure, handles: Sequence[Line2D]) -> None:
     """A legend beside the axes, in the order of the lines' ends from above."""
-    ordered = sorted(handles, key=lambda handle: -float(handle.get_ydata()[-1]))
+    ordered = sorted(handles, key=lambda handle: -float(np.asarray(handle.get_ydata())[-1]))
     figure.legend(
         handles=ordered,
         loc="outside right upper",

@@ -15,7 +15,7 @@ from granbench.plotting.style import figure_grid, house_style, model_styles
 from granbench.tensors import principal_difference
 
 SHADES = "cividis"
-"""Its lightness rises evenly: it reads in grey."""
+"""Colour map whose lightness rises evenly, readable in grey."""
 
 SLENDER = 0.3
 """Width over height below which only the middle gets a tick."""
@@ -28,7 +28,7 @@ def analysis_figure(dataset: xr.Dataset) -> Figure:
     """Reaction, volumetric strain and effort against the driving strain, and the body at the end.
 
     Effort is the largest nodal acceleration since the last output (explicit), or the iterations of
-    each load step (implicit). A dotted line says from where elements have turned over.
+    each load step (implicit). A dotted line marks the strain from which elements have turned over.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ def fit_figure(curves: Mapping[str, xr.Dataset]) -> Figure:
     curves : of each model by name, over `test` and `step`: `axial_strain`, and `measured_` and
         `predicted_` of the quantities in `ROWS`, SI, compression positive, or of `axial_stress`
         where q was not measured; `predicted_axial_strain` where it differs; coordinate `role`, of
-        which `left out` is said in the title. The models have the same tests.
+        whose title has `left out`. The models have the same tests.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a classical model answers in a few element tests, as small multiples.
+"""Response of a classical model in a few element tests, as small multiples.
 
 A panel shows one quantity of its tests against another. What is known in closed form stands
 beside them: points as dots, the truth of every figure here, and boundaries such as a critical
@@ -47,7 +47,7 @@ PALEST = 1.3
 
 @dataclass(frozen=True)
 class Quantity:
-    """What an axis of a panel shows.
+    """Quantity on an axis of a panel.
 
     Parameters
     ----------
@@ -99,12 +99,12 @@ QUANTITIES: Mapping[str, Quantity] = {
         r"plastic strain $\|\varepsilon^p\|_F$ [%]", 100.0, _plastic_strain_norm
     ),
 }
-"""By name; a and l are the axial and the lateral direction, 11 and 33 of a triaxial test."""
+"""Quantities by name; a and l are the axial and lateral directions, 11 and 33."""
 
 
 @dataclass(frozen=True)
 class ClosedForm:
-    """What is known without the model.
+    """A closed-form solution.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How well the tests of a dataset were controlled: servo, stress ratio, inertia."""
+"""Quality of control of the tests of a dataset: servo, stress ratio, inertia."""
 
 import numpy as np
 import xarray as xr
@@ -12,7 +12,7 @@ QUALITY_LIMITS = {
     "stress_ratio_error_rms": 0.02,
     "peak_inertial_number": 2.5e-3,
 }
-"""What `dem-triaxial` promises of every path; the generator enforces it."""
+"""Limits that every path of `dem-triaxial` meets; the generator enforces them."""
 
 _LABELS = {
     "servo_error_rms": ("RMS error of the held stress [%]", 100.0),

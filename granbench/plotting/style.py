@@ -93,7 +93,7 @@ of the benchmark fall on eight places."""
 
 @dataclass(frozen=True)
 class ModelStyle:
-    """How one model is drawn on every page.
+    """Style of one model on every page.
 
     Parameters
     ----------
@@ -248,7 +248,11 @@ def figure_svg(figure: Figure) -> str:
     """
     _make_drawable(figure)
     written = io.StringIO()
-    settings = {"svg.hashsalt": SALT, "svg.fonttype": "none", "font.sans-serif": ["DejaVu Sans"]}
+    settings: dict[Any, Any] = {
+        "svg.hashsalt": SALT,
+        "svg.fonttype": "none",
+        "font.sans-serif": ["DejaVu Sans"],
+    }
     with mpl.rc_context(settings):
         metadata = dict.fromkeys(("Date", "Creator", "Format", "Type"))
         figure.savefig(written, format="svg", metadata=metadata)

@@ -110,7 +110,7 @@ def _is_footer(cells: Row, count: int, first: Row) -> bool:
     if kinds[at] != "text":
         return False
     if not any(kind in ("number", "missing", "date", "with unit") for kind in kinds):
-        # Text alone; a column of remarks has numbers beside it.
+        # Only text; a row with a remark has numbers as well.
         return True
     words = str(cells[at]).lower().replace(":", " ").split()
     if words[0] in SUMMARIES:

@@ -91,7 +91,7 @@ def cleaned(text: str) -> str:
 
 
 def cell_kind(cell: Cell) -> str:
-    """What a cell is: ``number``, ``blank``, ``missing``, ``date``, ``with unit`` or ``text``.
+    """The kind of a cell: ``number``, ``blank``, ``missing``, ``date``, ``with unit`` or ``text``.
 
     A number may still be ambiguous.
     """

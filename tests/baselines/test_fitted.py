@@ -58,7 +58,7 @@ def test_the_hardening_curve_that_made_the_data_comes_back(tmp_path: Path) -> No
         assert found[name] == pytest.approx(truth[name], rel=1e-2)
 
 
-def test_a_foreign_model_is_fitted_as_well_as_it_can_be(tmp_path: Path) -> None:
+def test_a_model_of_another_form_is_fitted_approximately(tmp_path: Path) -> None:
     """J2 cannot harden: its error on hardening data is not small, but far below no model's."""
     folder = tmp_path / "j2"
     baseline = quick(J2_FITTED)
@@ -69,7 +69,7 @@ def test_a_foreign_model_is_fitted_as_well_as_it_can_be(tmp_path: Path) -> None:
     assert 1e-4 < error / stress.square().mean() < 0.2
 
 
-def test_a_finished_fit_is_not_made_again_and_another_is_refused(tmp_path: Path) -> None:
+def test_a_finished_fit_is_not_repeated_and_another_is_refused(tmp_path: Path) -> None:
     baseline = quick(J2_FITTED, paths=3)
     fitted(baseline, "gp-j2", tmp_path)
     before = (tmp_path / PARAMETERS_FILE).stat().st_mtime_ns

@@ -79,13 +79,13 @@ def test_conditioning_every_step_equals_conditioning_each_alone(
         torch.testing.assert_close(every[:, step], cell.condition(history.until(step)))
 
 
-def test_mlstm_starts_afresh_from_the_true_state(records: xr.Dataset) -> None:
+def test_mlstm_restarts_from_the_true_state(records: xr.Dataset) -> None:
     cell = RecurrentCell(network_for(records, initial_layer=True), "mlstm")
     state = cell.condition(history_of(records).until(9))
     torch.testing.assert_close(state, cell.initial_state(conditions_of(records, start=9)))
 
 
-def test_lstm_is_not_told_the_stress_and_the_mlstm_is(records: xr.Dataset) -> None:
+def test_lstm_does_not_depend_on_the_initial_stress_and_the_mlstm_does(records: xr.Dataset) -> None:
     known = conditions_of(records)
     other = Conditions(2.0 * known.stress, known.scalars, known.accumulated_strain)
     strain = history_of(records).strain

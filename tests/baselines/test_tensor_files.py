@@ -58,14 +58,14 @@ def test_damaged_header_is_one_sentence(case: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("length", [2**63, 10**9, 60])
-def test_length_of_the_header_is_not_believed(length: int, tmp_path: Path) -> None:
+def test_length_of_the_header_is_checked(length: int, tmp_path: Path) -> None:
     file = tmp_path / "a.safetensors"
     file.write_bytes(length.to_bytes(8, "little") + b"{}" + bytes(20))
     with pytest.raises(ModelError, match="header"):
         read_tensors(file)
 
 
-def test_what_was_written_comes_back(tmp_path: Path) -> None:
+def test_written_tensors_are_read_back(tmp_path: Path) -> None:
     about = {"losses": [1.0, 0.5], "seed": 3}
     write_tensors(tmp_path / "a.safetensors", TENSORS, about)
     found, description = read_tensors(tmp_path / "a.safetensors")

@@ -123,7 +123,7 @@ def test_from_a_baseline_to_the_board(granbench, task, tmp_path):
     assert "replicate scatter" in page
 
 
-def test_a_users_own_module_is_scored_by_its_name(granbench, task, my_model, tmp_path):
+def test_a_module_of_the_users_own_is_scored(granbench, task, my_model, tmp_path):
     code, out, _ = granbench(
         "evaluate", my_model, "--task", task, "--axis", "rollout", "--seeds", "4,7",
         "--authors", "A. Body, B. Else", "--code", "https://example.org/x",
@@ -162,7 +162,7 @@ def plane_task(tmp_path):
 
 
 @pytest.mark.parametrize("model", ["j2", "j2.json", "persistence", "linear-elastic", "plane:cell"])
-def test_physics_is_checked_of_whatever_is_a_model(
+def test_physics_is_checked_for_every_kind_of_model(
     granbench, plane_task, tmp_path, monkeypatch, model
 ):
     monkeypatch.delitem(__import__("sys").modules, "plane", raising=False)
@@ -179,7 +179,7 @@ def test_physics_is_checked_of_whatever_is_a_model(
     assert "Cost" not in out and "stress" not in out.lower().partition("physics")[0]
 
 
-def test_a_violated_law_is_loud(granbench, plane_task, tmp_path, monkeypatch):
+def test_a_violated_law_is_marked(granbench, plane_task, tmp_path, monkeypatch):
     monkeypatch.delitem(__import__("sys").modules, "lawless_cells", raising=False)
     (tmp_path / "creeping.py").write_text(
         "from lawless_cells import Relaxing, cell\n\ndef creeping():\n    return cell(Relaxing())\n"
@@ -192,7 +192,7 @@ def test_a_violated_law_is_loud(granbench, plane_task, tmp_path, monkeypatch):
     assert not any("…" in line for line in tables_of(out))
 
 
-def test_noise_is_shown_against_both_truths(granbench, plane_task):
+def test_noise_is_scored_against_both_truths(granbench, plane_task):
     code, out, _ = granbench("evaluate", "j2", "--task", plane_task, "--axis", "noise",
                              "--seeds", "0", "--out", "out.json")  # fmt: skip
     assert code == 0
@@ -217,7 +217,7 @@ def test_models_in_folders_are_the_seeds(granbench, task, my_model, tmp_path):
     assert first.by_seed[0] != first.by_seed[1]
 
 
-def test_scores_stand_beside_the_floors(granbench, task, my_model):
+def test_scores_are_shown_beside_the_floors(granbench, task, my_model):
     granbench("evaluate", "persistence", "--task", task, "--out", "floor.json", "--quiet")
     code, out, _ = granbench(
         "evaluate", my_model, "--task", task, "--axis", "window", "--against", "floor.json",
@@ -235,28 +235,26 @@ def test_the_oracle_is_the_ceiling(granbench, task, tmp_path):
     assert all(not score.value for score in submission.scores)
 
 
-def test_what_a_user_can_get_wrong_is_said_in_one_sentence(granbench, task, my_model, tmp_path):
-    refused(granbench("evaluate", "persistance", "--task", task), "did you mean 'persistence'")
-    refused(granbench("evaluate", "mlstm", "--task", task), "has to be trained first")
-    refused(granbench("evaluate", "persistence", "--task", "nowhere"), "unknown task")
+def test_a_wrong_argument_is_refused_in_one_sentence(granbench, task, my_model, tmp_path):
+    refused(granbench("evaluate", "persistance", "--task", task), "persistence")
+    refused(granbench("evaluate", "mlstm", "--task", task), "mlstm")
+    refused(granbench("evaluate", "persistence", "--task", "nowhere"), "task", "nowhere")
     refused(granbench("evaluate", "persistence", "--task", task, "--axis", "sideways"),
-            "unknown axis 'sideways'", "rollout")  # fmt: skip
+            "axis", "sideways", "rollout")  # fmt: skip
     refused(granbench("evaluate", "persistence", "--task", task, "--seeds", "0,x"), "--seeds")
     refused(granbench("evaluate", "persistence", "--task", task, "--seeds", "1,1"), "--seeds")
     refused(granbench("evaluate", "persistence", "--task", task, "--out", "a.txt"), "--out")
     refused(granbench("evaluate", "persistence", "--task", task, "--model-dir", "x"),
-            "needs no training")  # fmt: skip
+            "--model-dir")  # fmt: skip
     refused(granbench("evaluate", "mlstm", "--task", task, "--model-dir", "x"), "model.json")
-    refused(granbench("evaluate", "no_such_module:f", "--task", task), "no module")
-    refused(granbench("evaluate", "stiff_model:absent", "--task", task), "no function 'absent'")
+    refused(granbench("evaluate", "no_such_module:f", "--task", task), "no_such_module")
+    refused(granbench("evaluate", "stiff_model:absent", "--task", task), "absent")
     refused(granbench("evaluate", "stiff_model:module", "--task", task), "ModuleCell")
     refused(granbench("evaluate", "stiff_model:broken", "--task", task),
             "ZeroDivisionError", "stiff_model.py line")  # fmt: skip
     refused(granbench("evaluate", my_model, "--task", task, "--code", "ftp://x"), "code")
-    refused(
-        granbench("submission", "validate", "absent.json"), "absent.json", "there is no such file"
-    )
-    refused(granbench("leaderboard", "add", "absent.json"), "there is no such file")
+    refused(granbench("submission", "validate", "absent.json"), "absent.json")
+    refused(granbench("leaderboard", "add", "absent.json"), "absent.json")
     refused(granbench("leaderboard", "build", "--board", "absent", "--out", "site"), "--board")
     assert not list(tmp_path.glob("*.json")) and not list(tmp_path.glob("*.nc"))
     assert not list(tmp_path.glob(".*part*"))
@@ -276,7 +274,7 @@ def test_the_schema_is_printed(granbench):
     assert code == 0 and json.loads(out)["title"] == "GranBench submission"
 
 
-def test_a_trained_baseline_brings_its_seed_and_what_it_was_trained_on(granbench, task, tmp_path):
+def test_a_trained_baseline_states_its_seed_and_training_data(granbench, task, tmp_path):
     code, _, err = granbench("train", "lstm", "--task", task, "--epochs", "1", "--seed", "5",
                              "--out", "run", "--quiet")  # fmt: skip
     assert code == 0, err
@@ -289,9 +287,9 @@ def test_a_trained_baseline_brings_its_seed_and_what_it_was_trained_on(granbench
         assert "content" not in submission.training_data
         assert submission.parameters > 1000
     refused(granbench("evaluate", "lstm", "--task", task, "--model-dir", "run",
-                      "--model-dir", "run"), "not all different")  # fmt: skip
+                      "--model-dir", "run"), "seeds")  # fmt: skip
     refused(granbench("evaluate", "lstm", "--task", task, "--model-dir", "run",
-                      "--seeds", "1,2"), "one for each")  # fmt: skip
+                      "--seeds", "1,2"), "seeds")  # fmt: skip
 
 
 def test_a_file_that_differs_from_its_hashes_is_neither_trained_on_nor_scored(
@@ -344,15 +342,15 @@ def test_a_model_is_kept_in_place_of_its_predictions_and_run_again(granbench, tm
     assert "reproduced from the model, run again" in out.replace("\n", " ")
     code, _, error = granbench(*evaluate, "everything", "--out", "mine.json")
     assert code == 2
-    assert "--keep 'everything' must be one of predictions, model" in error
+    assert "--keep" in error and "everything" in error
     code, _, error = granbench(*evaluate, "model", "--role", "ceiling", "--out", "mine.json")
     assert code == 2
-    assert "--role 'ceiling' must be one of model, floor" in error
+    assert "--role" in error and "ceiling" in error
     code, _, error = granbench(
         "evaluate", "cells:cell", "--task", file, "--keep", "model", "--out", "own.json"
     )
     assert code == 2
-    assert "keep its predictions" in error
+    assert "predictions" in error
     assert not (tmp_path / "own.json").exists()
 
 

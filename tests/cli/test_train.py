@@ -24,7 +24,7 @@ def run(*words: object) -> int:
     return exit_.value.code or 0
 
 
-def test_train_writes_a_model_and_goes_on_when_run_again(
+def test_train_writes_a_model_and_continues_when_run_again(
     records_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
     out = tmp_path / "model"
@@ -45,7 +45,7 @@ def test_train_writes_a_model_and_goes_on_when_run_again(
     assert summary["training"]["epochs"] == 3
 
 
-def test_quiet_says_nothing(
+def test_quiet_prints_nothing(
     records_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
     words = ("train", "lstm", "--task", records_file, "--out", tmp_path / "m", "--epochs", 1)

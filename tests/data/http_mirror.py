@@ -11,7 +11,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 @dataclass
 class Mirror:
-    """What the server serves and how; `requests` lists the Range header of every request.
+    """Content and behaviour of the server; `requests` lists the Range header of every request.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from granbench.errors import ConfigurationError, DownloadError
 
 @pytest.fixture
 def content():
-    """What passes for a netCDF file until its hash is compared."""
+    """Bytes that look like a netCDF file until the hash is compared."""
     return b"\x89HDF\r\n\x1a\n" + bytes(range(256)) * 800
 
 

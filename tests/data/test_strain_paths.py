@@ -123,7 +123,7 @@ def test_card_says_which_model_it_is_and_how_finely_it_is_kept() -> None:
 
 
 def test_mini_tier_has_paths_of_every_split(records) -> None:
-    """Of a small dataset all paths: their number is bounded, here from above only."""
+    """All paths of a small dataset are taken: the number has only an upper bound."""
     mini = make_mini(records)
     validate_records(mini)
     assert split_names(mini) == split_names(records)

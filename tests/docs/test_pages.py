@@ -130,6 +130,29 @@ def test_scores_on_the_page_are_those_of_the_board() -> None:
     assert pages.scores_page() == (ROOT / "docs/scores.md").read_text(encoding="utf-8")
 
 
+RECIPES = {
+    "a-metric": "tests/benchmark/test_new_metric.py",
+    "an-axis": "tests/benchmark/test_new_axis.py",
+    "a-task": "tests/benchmark/test_new_task.py",
+    "a-dataset-of-an-existing-family": "tests/generators/test_new_dataset.py",
+    "a-generator-family": "tests/generators/test_new_generator.py",
+    "a-baseline": "tests/baselines/test_new_baseline.py",
+    "a-boundary-value-problem": "tests/fem/test_new_problem.py",
+}
+
+
+@pytest.mark.parametrize("section", RECIPES)
+def test_every_recipe_is_what_its_test_performs(section: str) -> None:
+    page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    assert f"(#{section})" in page and f"`{RECIPES[section]}`" in page
+    heading = section.replace("-", " ").capitalize().replace("Boundary value", "boundary-value")
+    heading = heading.replace("boundary value", "boundary-value")
+    text = re.split(r"^## ", page, flags=re.MULTILINE)
+    (recipe,) = (part for part in text if part.startswith(f"{heading}\n"))
+    code = re.findall(r"^```(?:python|yaml)\n(.*?)^```", recipe, flags=re.DOTALL | re.MULTILINE)[0]
+    assert code.strip() in (ROOT / RECIPES[section]).read_text(encoding="utf-8")
+
+
 def test_the_first_page_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 120
 

@@ -124,16 +124,16 @@ def exhausted(stress: Tensor) -> Tensor:
         (boom, r"with ValueError \(boom and more\) at test_gauss_points.py line \d+; fix"),
         (exhausted, r"with MemoryError at test_gauss_points.py line \d+; fix the model"),
         (lambda stress: stress @ stress, r"with RuntimeError \(.*\) at test_gauss_points.py line"),
-        (lambda stress: None, r"faulty answers in step \d+ with NoneType, NoneType; a step must"),
-        (lambda stress: stress.detach().numpy(), r"faulty answers in step \d+ with ndarray, nd"),
-        (lambda stress: stress[:, :2], r"with a stress of shape \(4, 2\); it must be \(4, 3\)"),
+        (lambda stress: None, r"faulty .*NoneType, NoneType .*step \d+"),
+        (lambda stress: stress.detach().numpy(), r"faulty .*ndarray, ndarray .*step \d+"),
+        (lambda stress: stress[:, :2], r"faulty .*stress of shape \(4, 2\).*\(4, 3\)"),
         (
             lambda stress: stress.to("meta"),
-            r"a stress of type torch.float64; it must be .* dense and on the CPU",
+            r"stress of type torch.float64.*dense.*on the CPU",
         ),
         (
             lambda stress: stress.long(),
-            r"a stress of type torch.int64; it must be of torch.float64",
+            r"stress of type torch.int64.*torch.float64",
         ),
     ],
     ids=["raises", "no memory", "wrong product", "None", "array", "shape", "elsewhere", "integers"],
@@ -168,8 +168,8 @@ def test_model_without_a_stress_from_the_first_call_on_keeps_the_start(
     assert isinstance(found.failure, MaterialFailure)
     assert found.dataset.sizes["step"] == 1
     assert not found.dataset["driving_strain"].any()
-    at_once = "before anything is strained; choose another start or another model"
-    later = "brittle gives no finite stress at the start, where nothing is strained"
+    at_once = "at zero strain; choose another start"
+    later = "brittle gives no finite stress at the start"
     assert (at_once if isinstance(settings, ExplicitSettings) else later) in str(found.failure)
     assert "take smaller steps" not in str(found.failure) or "step 1," in str(found.failure)
 
@@ -200,7 +200,7 @@ def offset_cell(pressure: float) -> ModuleCell:
     ("confinement", "own", "imbalance"),
     [(1e5, 1e5, 0.0), (1e5, 0.995e5, 0.005), (1e5, 0.0, 1.0), (0.0, 2e4, 0.2)],
 )
-def test_imbalance_at_the_start_is_measured_and_said(
+def test_imbalance_at_the_start_is_measured_and_reported(
     solver: str, confinement: float, own: float, imbalance: float
 ) -> None:
     problem = Biaxial(ends="smooth", end_strain=0.002, confinement=confinement)
@@ -210,14 +210,14 @@ def test_imbalance_at_the_start_is_measured_and_said(
     said = remarks(found)
     assert len(said) == (imbalance > 0.01)
     if said:
-        share = f"{100.0 * imbalance:.3g} % of 100 kPa; start it at a pressure that it knows"
-        assert "offset gives a stress that is off the imposed one" in said[0] and share in said[0]
+        share = f"{100.0 * imbalance:.3g} % of 100 kPa"
+        assert "offset" in said[0] and share in said[0]
 
 
-def test_asking_at_rest_changes_nothing_that_is_kept() -> None:
+def test_measuring_the_imbalance_leaves_the_accepted_state_unchanged() -> None:
     points = GaussPoints(offset_cell(1e4), np.zeros((3, 3)), POSITIONS)
     state = points.state.clone()
-    points.ask_at_rest()
+    points.measure_initial_imbalance()
     points.accept()
     assert torch.equal(points.state, state)
     assert not points.stress.any() and not points.strain.any()
@@ -233,12 +233,12 @@ def test_imbalance_at_the_start_is_in_the_sentence_of_a_failure() -> None:
     cell = ModuleCell(Lost(0.0), name="lost", order="plane", layout=layout, dtype=torch.float64)
     found = run(Biaxial(confinement=1e5), cell, solver="implicit", mesh="coarse")
     assert "lost gives no finite stress at Gauss point" in str(found.failure)
-    assert "starts out of balance: unstrained, lost gives a stress" in str(found.failure)
+    assert "starts out of balance" in str(found.failure)
     assert found.dataset.attrs["failure"] == str(found.failure)
 
 
 @pytest.mark.parametrize("lost", [np.nan, np.inf])
-def test_lost_stress_names_point_position_step_and_strain(lost: float) -> None:
+def test_non_finite_stress_names_point_position_step_and_strain(lost: float) -> None:
     points = GaussPoints(breaking_cell(2.5e-3, lost), np.zeros((3, 3)), POSITIONS)
     with pytest.raises(MaterialFailure) as caught:
         points.step(DSTRAIN, 7)

@@ -123,7 +123,7 @@ def test_elements_of_several_groups_count_once(tmp_path: Path) -> None:
     require_body(read_mesh(written(tmp_path / "a.msh", gmsh_22(twice))), triangles=False)
 
 
-def test_nodes_at_one_place_are_one_and_that_is_said(tmp_path: Path, coarse: np.ndarray) -> None:
+def test_nodes_at_one_place_are_merged_with_a_note(tmp_path: Path, coarse: np.ndarray) -> None:
     found = specimen(4)
     nodes, elements = np.concatenate([found.nodes, found.nodes]), found.elements.copy()
     elements[4:] += len(found.nodes)  # the upper half on nodes of its own
@@ -134,7 +134,7 @@ def test_nodes_at_one_place_are_one_and_that_is_said(tmp_path: Path, coarse: np.
     np.testing.assert_allclose(reaction(mesh), coarse, rtol=1e-9)
 
 
-def test_triangles_beside_quadrilaterals_make_triangles_and_that_is_said(tmp_path: Path) -> None:
+def test_triangles_beside_quadrilaterals_give_triangles_with_a_note(tmp_path: Path) -> None:
     found = specimen(4)
     text = abaqus(replace(found, elements=found.elements[2:]), "CPE4R")
     a, b, c, d = found.elements[:2].T + 1
@@ -259,7 +259,7 @@ def test_pipes_devices_and_folders_are_no_meshes(tmp_path: Path, suffix: str) ->
 
 
 @pytest.mark.parametrize("name", ["soil.xdmf", "soil.med", "soil.unv", "folder/soil"])
-def test_other_formats_are_said_not_to_be_read(tmp_path: Path, name: str) -> None:
+def test_other_formats_are_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(ConfigurationError, match=rf"{name}.*\.msh, \.inp"):
         find_problem("biaxial").mesh(str(tmp_path / name))
 

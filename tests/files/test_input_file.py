@@ -1,4 +1,4 @@
-"""What is no regular file, or is too large, is refused before it is opened."""
+"""A path that is not a regular file, or too large a file, is refused before it is opened."""
 
 import os
 

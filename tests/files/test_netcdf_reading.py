@@ -37,7 +37,7 @@ def add(*lengths: int, kind: object = "f4", **options: object) -> Change:
 BOMBS: dict[str, tuple[Change, str]] = {
     "terabytes": (add(10**6, 10**6), "declares"),
     "gigabyte": (add(2**28), "declares"),
-    "empty beside endless": (add(10**12, 0), "declares"),
+    "empty and endless": (add(10**12, 0), "declares"),
     "text": (add(10**8, kind=str), "declares"),
     "characters": (add(4 * 10**6, 2, kind="S1"), "declares"),
     "chunk": (add(0, 0, kind="f8", chunksizes=(10_000, 10_000)), "chunks"),

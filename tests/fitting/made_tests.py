@@ -1,4 +1,4 @@
-"""Laboratory tests that a model itself answered, so that a fit has a known truth."""
+"""Laboratory tests computed with a model, so that a fit has a known truth."""
 
 import numpy as np
 import torch
@@ -32,7 +32,7 @@ def drained(
     void_ratio: float | None = None,
     name: str = "drained",
 ) -> LaboratoryTest:
-    """What a cell answers to a drained triaxial test."""
+    """The response of a cell in a drained triaxial test."""
     strain = np.zeros((len(axial), 3))
     strain[:, 0] = axial
     stress = np.full_like(strain, pressure)
@@ -52,7 +52,7 @@ def drained(
 
 
 def strained(cell: ClassicalCell, strain: np.ndarray, *, pressure: float = 1e5) -> LaboratoryTest:
-    """What a cell answers to principal strains (step, 3)."""
+    """The response of a cell to principal strains (step, 3)."""
     start = Conditions(torch.full((1, 3), pressure, dtype=torch.float64))
     with torch.no_grad():
         stress = cell.rollout(torch.from_numpy(strain)[None], start).stress[0].numpy()

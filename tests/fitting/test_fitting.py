@@ -27,7 +27,7 @@ def noisy(test: LaboratoryTest, share: float, seed: int = 0) -> LaboratoryTest:
 
 
 @pytest.mark.parametrize("control", ["strain", "mixed"])
-def test_j2_is_recovered_from_its_own_answer(control: str) -> None:
+def test_j2_is_recovered_from_its_own_response(control: str) -> None:
     test = drained(j2(**TRUE_J2), loading_and_unloading())
     found = fit(j2(), [test], dataclasses.replace(QUICK, control=control))
     for name, value in TRUE_J2.items():
@@ -53,7 +53,7 @@ def test_a_strength_that_is_never_reached_is_not_identified() -> None:
     assert set(found.interval()) == {"bulk_modulus", "shear_modulus"}
 
 
-def test_the_axial_stress_alone_cannot_tell_the_two_moduli_apart() -> None:
+def test_the_axial_stress_alone_does_not_determine_both_moduli() -> None:
     # Without the volume a drained test knows Young's modulus only, one number for two.
     whole = drained(j2(**TRUE_J2), loading_and_unloading(reach=0.005))
     strain = whole.strain.copy()
@@ -140,7 +140,7 @@ def test_weights_decide_between_quantities_that_disagree() -> None:
     assert errors[1] <= errors[0]
 
 
-def test_j2_hardening_is_recovered_where_the_data_tell() -> None:
+def test_j2_hardening_is_recovered_from_sufficient_data() -> None:
     true = {"hardening_modulus": 4.4e5, "hardening_exponent": 0.4}
     cell = find_model("j2-hardening")
     test = drained(cell(true, order="principal"), loading_and_unloading(reach=0.2))

@@ -87,7 +87,7 @@ def test_tests_in_which_nothing_happens_are_refused() -> None:
 
 
 def oedometer(truth: dict[str, float], loads: np.ndarray, void_ratio: float) -> LaboratoryTest:
-    """What modified Cam-Clay answers to axial loads, Pa, without its lateral stress."""
+    """The response of modified Cam-Clay to axial loads, Pa, without its lateral stress."""
     cell = find_model("modified-cam-clay")(truth, order="principal")
     stress = np.zeros((len(loads), 3))
     stress[:, 0] = loads

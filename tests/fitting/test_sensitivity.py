@@ -64,7 +64,7 @@ def test_residuals_of_the_truth_vanish(problem: LeastSquares) -> None:
     assert residual.abs().max() < 1e-6
 
 
-def test_a_vector_does_not_depend_on_those_beside_it(
+def test_a_vector_does_not_depend_on_the_others(
     problem: LeastSquares, vectors: torch.Tensor
 ) -> None:
     together, _ = problem.linearised(vectors)

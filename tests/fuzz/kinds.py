@@ -1,4 +1,4 @@
-"""What is fuzzed: for each kind the valid files, how one is changed, and what then reads it."""
+"""The kinds of input: for each the valid files, how one is changed, and how it is read."""
 
 import json
 import random
@@ -29,7 +29,7 @@ class Kind:
     ----------
     seeds : writes the valid inputs, each a folder of its own, into a folder
     change : changes the input in a folder
-    read : reads the input in a folder as the product does; raises what the product raises
+    read : reads the input in a folder as GranBench does, and raises its errors
     """
 
     seeds: Callable[[Path], None]
@@ -70,6 +70,22 @@ def _read_dataset(folder: Path) -> None:
     read_as_trusted(file, summarise_file)
     if folder.name != "unsealed":
         verify_file(file)
+
+
+# Tasks
+
+
+def _task_seeds(folder: Path) -> None:
+    from granbench.benchmark.task_registry import TASK_FOLDER
+
+    for name in ("gp-j2", "fem-ime", "dem-triaxial"):
+        shutil.copyfile(TASK_FOLDER / f"{name}-1.0.0.yaml", _in(folder, f"{name}/task.yaml"))
+
+
+def _read_task(folder: Path) -> None:
+    from granbench.benchmark.task_registry import read_task
+
+    read_task(_only_file(folder))
 
 
 # Predictions and submissions
@@ -320,6 +336,7 @@ def _change_dataset(folder: Path, rng: random.Random) -> None:
 
 KINDS: dict[str, Kind] = {
     "dataset": Kind(_dataset_seeds, _change_dataset, _read_dataset),
+    "task": Kind(_task_seeds, _change_file, _read_task),
     "predictions": Kind(_submission_seeds, _change_predictions, _read_submission),
     "submission": Kind(_submission_seeds, _change_submission, _read_submission),
     "model": Kind(_model_seeds, _change_model, _read_model),
@@ -337,7 +354,7 @@ def make_case(kind: str, seeds: Path, case: str, folder: Path) -> Path:
     ----------
     kind : a key of `KINDS`
     seeds : folder that the kind's `seeds` wrote
-    case : what the changes follow from, such as ``1/dataset/17``
+    case : seeds the changes, such as ``1/dataset/17``
     folder : where the input is put
     """
     rng = random.Random(case)
@@ -350,7 +367,7 @@ def make_case(kind: str, seeds: Path, case: str, folder: Path) -> Path:
 
 
 def described(error: BaseException) -> dict[str, Any]:
-    """Type, text and place of an error, as the list of failures has them."""
+    """Type, text and place of an error for the list of failures."""
     import traceback
 
     frames = traceback.extract_tb(error.__traceback__)

@@ -1,9 +1,9 @@
 """The mutation fuzzer: ``python tests/fuzz/run.py --seconds 3600``, or ``make fuzz``.
 
-Valid files are changed at random, and the product reads them. A case fails if reading raises
-anything but a `GranbenchError`, takes more than `LONGEST` seconds of processor time (or a minute of
+Valid files are changed at random, and GranBench reads them. A case fails if reading raises anything
+but a `GranbenchError`, takes more than `LONGEST` seconds of processor time (or `LONGEST_WAIT` of
 waiting), or needs more than `MOST_MEMORY`. Each failing input is kept with the command that repeats
-it. What is tried follows from the seed alone.
+it. The same seed gives the same cases.
 """
 
 import argparse
@@ -30,19 +30,19 @@ TESTS = HERE.parent
 LONGEST = 10.0
 """Seconds of processor time that a case may take in the process that reads."""
 LONGEST_WAIT = 120.0
-"""Seconds of wall clock after which a case counts as hanging, on a machine however busy."""
+"""Seconds of wall clock after which a case counts as hanging, also on a busy machine."""
 MOST_MEMORY = 2 * 10**9
 """Bytes that a process may use at most."""
 
 
 @dataclass
 class Outcome:
-    """What came of the cases of one kind.
+    """The results of the cases of one kind.
 
     Parameters
     ----------
     counts : cases by outcome: accepted, refused, failed
-    failures : of each failing case its name, folder and what happened
+    failures : for each failing case its name, folder and error
     """
 
     counts: Counter[str] = field(default_factory=Counter)

@@ -1,4 +1,4 @@
-"""A minute of the fuzzer: what is tried follows from the seed, and nothing may fail."""
+"""A minute of the fuzzer: no case fails, and the same seed gives the same cases."""
 
 from pathlib import Path
 
@@ -6,13 +6,13 @@ import pytest
 from kinds import KINDS, make_case
 from run import fuzz, report
 
-CASES = {"laboratory": 60, "path": 60, "load-path": 60, "mesh": 40}
-"""Of each kind; of the others, which take longer, `OTHERS`."""
+CASES = {"laboratory": 60, "path": 60, "load-path": 60, "task": 60, "mesh": 40}
+"""Number of cases of each kind; of the others, which take longer, `OTHERS`."""
 OTHERS = 24
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_changed_file_brings_the_product_down(kind: str, tmp_path: Path) -> None:
+def test_no_changed_file_makes_reading_fail(kind: str, tmp_path: Path) -> None:
     outcomes = fuzz(
         [kind], seed=2026, cases=CASES.get(kind, OTHERS), seconds=None, out=tmp_path / "failures"
     )
@@ -21,7 +21,7 @@ def test_no_changed_file_brings_the_product_down(kind: str, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("kind", ["dataset", "model", "path"])
-def test_what_is_tried_follows_from_the_seed(kind: str, tmp_path: Path) -> None:
+def test_the_same_seed_gives_the_same_cases(kind: str, tmp_path: Path) -> None:
     KINDS[kind].seeds(tmp_path / "seeds")
     one, two = (
         make_case(kind, tmp_path / "seeds", f"7/{kind}/3", tmp_path / name) for name in ("a", "b")
@@ -33,7 +33,7 @@ def test_what_is_tried_follows_from_the_seed(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fault", ["raises", "waits", "allocates", "ends"])
-def test_every_kind_of_failure_is_seen(
+def test_every_kind_of_failure_is_reported(
     fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("GRANBENCH_FUZZ_FAULT", fault)

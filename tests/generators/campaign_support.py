@@ -19,7 +19,7 @@ PATIENCE = 90.0
 
 
 def walks(steps: int = 20) -> list[Job]:
-    """Three walks, and one that starts where two of them end."""
+    """Three walks, and one that starts at the sum of the ends of two of them."""
     first = [Job(f"walk/{i}", "toy_jobs:walk", {"steps": steps}, i) for i in range(3)]
     return [
         Job("joined", "toy_jobs:walk", {"steps": steps}, 7, ("walk/0", "walk/2")),
@@ -28,7 +28,7 @@ def walks(steps: int = 20) -> list[Job]:
 
 
 def waiting_jobs(shared: Path, count: int = 3) -> list[Job]:
-    """Jobs that name their process in `shared` and wait for the file `go` there."""
+    """Jobs that write their process id to `shared` and wait for the file `go` there."""
     return [
         Job(f"wait-{i}", "toy_jobs:waits", {"shared": str(shared), "name": f"wait-{i}"}, i)
         for i in range(count)
@@ -51,7 +51,7 @@ def waiting_generator(shared: Path) -> Generator:
 
 
 def waited(names: list[str]) -> Assembled:
-    """Records of nothing but zeros, one path for each name."""
+    """Records of zeros, one path for each name."""
     zeros = np.zeros((len(names), 2, 3), np.float32)
     return Assembled(
         order="principal",
@@ -76,7 +76,7 @@ def quiet(jobs: list[Job], folder: Path, **options) -> CampaignReport:
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
-    """All files of all results, but for job.json, which holds the seconds that it took."""
+    """All files of all results, except job.json, which contains the duration of the job."""
     results = folder / "results"
     return {
         str(file.relative_to(results)): file.read_bytes()
@@ -106,12 +106,12 @@ def is_alive(process: int) -> bool:
 
 @contextlib.contextmanager
 def campaign_command(shared: Path, folder: Path, **options) -> Iterator[subprocess.Popen]:
-    """A process of its own that runs the waiting jobs."""
+    """Run the waiting jobs in another process."""
     program = f"""
         import signal
         from pathlib import Path
         from campaign_support import quiet, waiting_jobs
-        # A shell that runs the tests in the background has Ctrl-C ignored, here too.
+        # A shell that runs the tests in the background ignores Ctrl-C in its processes.
         signal.signal(signal.SIGINT, signal.default_int_handler)
         quiet(waiting_jobs(Path({str(shared)!r})), Path({str(folder)!r}), **{options!r})
     """

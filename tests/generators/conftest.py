@@ -8,7 +8,7 @@ from campaign_support import files_of, quiet, waiting_jobs
 
 @pytest.fixture
 def toy_jobs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the processes of jobs, and dask's workers, import the toy jobs."""
+    """Let the processes of jobs and the workers of dask import the toy jobs."""
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
 
 
@@ -21,7 +21,7 @@ def shared(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def undisturbed(toy_jobs: None, tmp_path: Path) -> dict[str, bytes]:
-    """The results of the waiting jobs when nobody kills anything."""
+    """The results of the waiting jobs without any interruption."""
     ready = tmp_path / "ready"
     ready.mkdir()
     (ready / "go").touch()

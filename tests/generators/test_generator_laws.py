@@ -81,7 +81,7 @@ def test_unknown_names_and_seeds_are_refused_before_any_work(dataset, tmp_path):
 
 
 def one_result(dataset: str, seed: int) -> list[Job]:
-    """The jobs behind one result of the smoke preset that depends on the seed."""
+    """One job of the smoke preset whose result depends on the seed, and the jobs that it needs."""
     planned, other = (
         find_generator(dataset).planned_jobs(dataset, "smoke", number) for number in (0, 1)
     )

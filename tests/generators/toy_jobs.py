@@ -34,7 +34,7 @@ def walk(configuration: Configuration, seed: int, inputs: Inputs, out: Path) -> 
 
 
 def walk_of(result: Path) -> list[float]:
-    """Return the places of a finished walk."""
+    """Return the positions of a finished walk."""
     return [float(line) for line in (result / "walk.txt").read_text().splitlines()]
 
 
@@ -50,7 +50,7 @@ def _called_too_early(configuration: Configuration) -> bool:
 
 
 def killed_at_first(configuration: Configuration, seed: int, inputs: Inputs, out: Path) -> None:
-    """End by the named signal until it has done so `times` times."""
+    """Kill its own process with the named signal, the first `times` times."""
     if _called_too_early(configuration):
         (out / "half.txt").write_text("half")
         os.kill(os.getpid(), getattr(signal, configuration["signal"]))
@@ -71,14 +71,14 @@ def loses_its_helper(configuration: Configuration, seed: int, inputs: Inputs, ou
 
 
 def raises_at_first(configuration: Configuration, seed: int, inputs: Inputs, out: Path) -> None:
-    """Raise the named built-in exception until it has done so `times` times."""
+    """Raise the named built-in exception, the first `times` times."""
     if _called_too_early(configuration):
         raise getattr(builtins, configuration["error"])("input/output error")
     (out / "whole.txt").write_text("whole")
 
 
 def rejected(configuration: Configuration, seed: int, inputs: Inputs, out: Path) -> None:
-    """Raise, unless the repair that the configuration names is there."""
+    """Raise an error, unless the file `repair` of the configuration exists."""
     if not Path(configuration["repair"]).exists():
         raise EngineError("out of range:\n 3 of 400")
     (out / "whole.txt").write_text("whole")
@@ -91,7 +91,7 @@ def ends_like_an_engine(configuration: Configuration, seed: int, inputs: Inputs,
 
 
 def failure_reason(out: Path) -> str | None:
-    """Return the last error line of the engine's log."""
+    """Return the last error line of the log."""
     log = out / "engine.log"
     if not log.exists():
         return None

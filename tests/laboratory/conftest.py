@@ -1,4 +1,4 @@
-"""Where the published laboratory data lie."""
+"""Folder of the published laboratory data."""
 
 import os
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
-"""Beside the checkout; the data are not part of it."""
+"""Next to the checkout; the data are not part of it."""
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Marks that may separate thousands, and rows that may belong to another test, are asked about."""
+"""Ambiguous thousands separators, and rows that may belong to another test, raise questions."""
 
 from pathlib import Path
 

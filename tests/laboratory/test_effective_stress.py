@@ -1,4 +1,4 @@
-"""Total and effective stresses: what a file says of them is understood, or is asked about."""
+"""Total and effective stresses: recognised in a file, or asked for."""
 
 from pathlib import Path
 
@@ -228,7 +228,7 @@ def test_drained_tests_are_read_less_their_back_pressure(
         ({"Total axial stress σ1' [kPa]": Q, "q [kPa]": Q}, {}, ["σ1'", "columns="]),
     ],
 )
-def test_what_a_file_leaves_open_is_asked_about(
+def test_missing_information_is_asked_for(
     columns: dict[str, np.ndarray], said: dict, named: list[str], tmp_path: Path
 ) -> None:
     with pytest.raises(DatasetError) as error:

@@ -1,4 +1,4 @@
-"""What a header says beside its name: definitions, and text behind the unit."""
+"""Definitions in headers, and text after the unit."""
 
 from pathlib import Path
 

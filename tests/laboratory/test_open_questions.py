@@ -1,4 +1,4 @@
-"""What a laboratory file leaves open, or says above its table, is asked about and never guessed."""
+"""Missing information, and statements above a table, raise questions and are never guessed."""
 
 from pathlib import Path
 
@@ -93,7 +93,7 @@ def test_bookkeeping_is_still_passed_over(header: str, tmp_path: Path) -> None:
     "axial", [400.0 + Q, 200.0 + Q, 400.0 - GROWN * 30.0], ids=["total", "effective", "extension"]
 )
 @pytest.mark.parametrize("name", ["Axial stress [kPa]", "sigma_v [kPa]", "p [kPa]"])
-def test_an_unmarked_stress_beside_a_changing_pore_pressure_is_asked_about(
+def test_a_stress_of_unknown_state_with_a_changing_pore_pressure_is_asked_for(
     axial: np.ndarray, name: str, tmp_path: Path
 ) -> None:
     columns = {
@@ -109,7 +109,7 @@ def test_an_unmarked_stress_beside_a_changing_pore_pressure_is_asked_about(
 
 @pytest.mark.parametrize("name", ["sigma_v [kPa]", "Axial stress [kPa]", "Vertical stress [kPa]"])
 @pytest.mark.parametrize("other", ["eps1 [%]", "Void ratio [-]"])
-def test_an_axial_stress_alone_is_first_thought_to_be_of_an_oedometer(
+def test_an_axial_stress_alone_suggests_an_oedometer_test(
     name: str, other: str, tmp_path: Path
 ) -> None:
     deformed = AXIAL if other == "eps1 [%]" else 0.8 - 0.01 * AXIAL
@@ -149,7 +149,7 @@ def test_without_a_volume_both_kinds_of_drainage_are_named(tmp_path: Path) -> No
         "Contrapressão 300 kPa",
     ],
 )
-def test_pressures_above_the_table_are_asked_about(line: str, tmp_path: Path) -> None:
+def test_pressures_above_the_table_raise_a_question(line: str, tmp_path: Path) -> None:
     for above in ((line,), ("Specimen 4", line, "", "Sand")):
         with pytest.raises(DatasetError, match=r"stresses") as problem:
             read(tmp_path, DRAINED, above)
@@ -202,7 +202,7 @@ def test_an_undrained_test_is_not_read_as_another(line: str, tmp_path: Path) -> 
     ["Tension positive", "# sign: tension is positive", "Zug positiv", "Compression negative",
      "Traction positive", "Stresses (positive in tension)"],
 )  # fmt: skip
-def test_a_file_that_says_tension_positive_needs_the_option(line: str, tmp_path: Path) -> None:
+def test_a_file_with_tension_positive_needs_the_setting(line: str, tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="tension_positive=True"):
         read(tmp_path, DRAINED, (line,))
     turned = DRAINED | {name: -DRAINED[name] for name in ("eps1 [%]", "epsv [%]", "sigma3 [kPa]")}
@@ -215,7 +215,7 @@ def test_a_file_that_says_tension_positive_needs_the_option(line: str, tmp_path:
     ["Strains: logarithmic", "# natural strain", "Hencky", "Logarithmic", "True strains",
      "Dehnungen logarithmisch", "Déformation logarithmique"],
 )  # fmt: skip
-def test_a_file_that_says_logarithmic_needs_the_option(line: str, tmp_path: Path) -> None:
+def test_a_file_with_logarithmic_strain_needs_the_setting(line: str, tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="strain_measure='logarithmic'"):
         read(tmp_path, DRAINED, (line,))
     test = read(tmp_path, DRAINED, (line,), strain_measure="logarithmic")

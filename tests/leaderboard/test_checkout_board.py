@@ -1,4 +1,4 @@
-"""Laws that the board of this checkout has to obey, whoever filled it: who beats whom."""
+"""Laws that hold on the board of this checkout: which model beats which."""
 
 import pytest
 
@@ -14,10 +14,10 @@ MADE_BY = {
     "gp-ime": "ime-fitted",
     "gp-csuh": "csuh-fitted",
 }
-"""The fitted model that has the form of the truth, where there is one."""
+"""The fitted model of the same law as the truth, where there is one."""
 
 ANALYSED = {"fem-ime": "ime-fitted", "fem-csuh": "csuh-fitted"}
-"""The same of the tasks that state analyses."""
+"""The same for the tasks that have analyses."""
 
 FRAME = ("oracle", "persistence", "linear-elastic", "j2-fitted", "ime-fitted")
 
@@ -53,7 +53,7 @@ def reaction_error(submission: Submission, solver: str) -> float:
 
 
 @pytest.mark.parametrize("task", [*MADE_BY, *ANALYSED])
-def test_ceiling_and_floors_frame_every_task(board, task: str) -> None:
+def test_every_task_has_its_ceiling_and_floors(board, task: str) -> None:
     assert set(FRAME) <= set(board[task])
     errors = {name: rollout_error(row) for name, row in board[task].items()}
     assert errors["oracle"] == 0.0
@@ -63,7 +63,7 @@ def test_ceiling_and_floors_frame_every_task(board, task: str) -> None:
 
 
 @pytest.mark.parametrize("task", MADE_BY)
-def test_persistence_knows_least_of_a_random_path(board, task: str) -> None:
+def test_persistence_is_worst_on_random_paths(board, task: str) -> None:
     errors = {name: rollout_error(row) for name, row in board[task].items()}
     others = [
         error for name, error in errors.items() if name not in ("persistence", "linear-elastic")
@@ -72,17 +72,17 @@ def test_persistence_knows_least_of_a_random_path(board, task: str) -> None:
 
 
 @pytest.mark.parametrize("task", [task for task, name in MADE_BY.items() if name])
-def test_the_form_of_the_truth_is_found_and_no_other_comes_near(board, task: str) -> None:
+def test_the_law_of_the_truth_is_fitted_exactly_and_no_other_is_close(board, task: str) -> None:
     errors = {name: rollout_error(row) for name, row in board[task].items()}
     truth = errors.pop(MADE_BY[task])
-    # What is left is the rounding of the records, 2e-10, and of the fit.
+    # The rest is the rounding of the records, 2e-10, and of the fit.
     assert truth < 1e-8
     assert min(error for name, error in errors.items() if name != "oracle") > 1e4 * truth
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("task", ANALYSED)
-def test_in_analyses_too_the_form_of_the_truth_comes_first(board, task: str, solver: str) -> None:
+def test_the_law_of_the_truth_is_best_in_analyses(board, task: str, solver: str) -> None:
     errors = {
         name: reaction_error(row, solver) for name, row in board[task].items() if name != "oracle"
     }
@@ -91,7 +91,7 @@ def test_in_analyses_too_the_form_of_the_truth_comes_first(board, task: str, sol
 
 
 @pytest.mark.parametrize("task", ANALYSED)
-def test_the_oracle_has_no_answer_inside_an_analysis(board, task: str) -> None:
+def test_analyses_do_not_apply_to_the_oracle(board, task: str) -> None:
     place = (f"embedded-{SOLVERS[0]}", "all", "all", "reaction_error")
     score = score_at(board[task]["oracle"], *place)
     assert score.status == "not_applicable" and "reads its answers" in (score.reason or "")

@@ -66,7 +66,7 @@ def without_excuses(predictions: xr.Dataset) -> xr.Dataset:
     return kept
 
 
-TOO_NEAR = {
+TOO_CLOSE = {
     "one value off by 0.1 %": one_value_off,
     "all off by 0.01 %": lambda p: p.assign(stress=p["stress"] * 1.0001),
     "scaled by 2 %": lambda p: p.assign(stress=p["stress"] * 1.02),
@@ -75,22 +75,23 @@ TOO_NEAR = {
 }
 
 
-@pytest.mark.parametrize("case", TOO_NEAR)
-def test_what_is_near_the_truth_needs_a_maintainers_word(recomposed, sealed, tmp_path, case):
-    file = recomposed("oracle", lambda p: without_excuses(honest_kind(TOO_NEAR[case])(p)))
+@pytest.mark.parametrize("case", TOO_CLOSE)
+def test_predictions_close_to_the_truth_need_a_maintainers_reason(
+    recomposed, sealed, tmp_path, case
+):
+    file = recomposed("oracle", lambda p: without_excuses(honest_kind(TOO_CLOSE[case])(p)))
     assert read_submission(file).role == "model"
-    flagged = [one for one in examine(file, None, sealed).objections if one.flagged]
-    assert flagged and "too near to the truth" in flagged[0].text
+    assert any(one.flagged for one in examine(file, None, sealed).objections)
     with pytest.raises(SubmissionError):
         accept(file, tmp_path / "board", sealed)
     assert not (tmp_path / "board").exists()
 
 
-def test_a_maintainers_word_is_kept_in_the_row(submission_file, sealed, tmp_path, recomposed):
+def test_a_maintainers_reason_is_kept_in_the_row(submission_file, sealed, tmp_path, recomposed):
     board = tmp_path / "board"
     accept(submission_file(), board, sealed)
     file = recomposed("secant", one_value_off)
-    with pytest.raises(SubmissionError, match="--word"):
+    with pytest.raises(SubmissionError, match="secant"):
         accept(file, board, sealed)
     target = accept(file, board, sealed, word="the same law, written by two groups")
     acceptance = read_submission(target).acceptance
@@ -110,17 +111,17 @@ COPIES: dict[str, Change] = {
 
 
 @pytest.mark.parametrize("case", COPIES)
-def test_the_predictions_of_another_row_are_not_taken_again(
+def test_the_predictions_of_another_row_are_not_accepted_again(
     recomposed, submission_file, sealed, tmp_path, case
 ):
     board = tmp_path / "board"
     accept(submission_file(), board, sealed)
     file = recomposed("secant", COPIES[case])
-    with pytest.raises(SubmissionError, match="predictions are those of 'secant'"):
+    with pytest.raises(SubmissionError, match="secant"):
         accept(file, board, sealed)
 
 
-def test_a_model_of_its_own_is_no_copy(submit, submission_file, sealed, tmp_path):
+def test_a_different_model_is_not_a_copy(submit, submission_file, sealed, tmp_path):
     board = tmp_path / "board"
     accept(submission_file(), board, sealed)
 
@@ -153,31 +154,31 @@ def seeds_off(*sizes: float) -> Change:
 @pytest.mark.parametrize(
     "change",
     [
-        seeds_off(0.0, 1e-3, 2e-3),  # one network, a little shaken
+        seeds_off(0.0, 1e-3, 2e-3),  # one network, slightly perturbed
         seeds_off(0.0, 0.0, 0.3),  # two of three
         lambda p: one_value_off(p),
     ],
-    ids=["shaken", "two of three", "one value"],
+    ids=["perturbed", "two of three", "one value"],
 )
 def test_one_model_under_three_seeds_is_not_three_models(recomposed, sealed, change):
     objections = examine(recomposed("secant", change), None, sealed).objections
-    assert any(one.flagged and "are one model" in one.text for one in objections)
+    assert any(one.flagged and "seeds" in one.text for one in objections)
 
 
 def test_the_ceiling_may_be_the_truth(submission_file, sealed):
     assert not examine(submission_file("oracle"), None, sealed).objections
 
 
-def test_reading_the_records_is_believed_of_the_records_alone(recomposed, sealed):
+def test_only_the_records_themselves_count_as_read_from_the_records(recomposed, sealed):
     with pytest.raises(SubmissionError, match="reads_records"):
         recomposed("oracle", one_value_off)
 
 
-def test_few_seeds_are_said_by_validation_as_by_the_board(submit, sealed, tmp_path):
+def test_validation_and_the_board_object_to_few_seeds_and_missing_axes(submit, sealed, tmp_path):
     file = submit(Persistence(), seeds=(0,), axes=["rollout"])
-    said = [one.text for one in examine(file, None, sealed).objections]
-    assert len(said) == 2 and "at least 3 seeds" in said[0] and "left out" in said[1]
-    with pytest.raises(SubmissionError, match="at least 3 seeds"):
+    texts = [one.text for one in examine(file, None, sealed).objections]
+    assert len(texts) == 2 and "seeds" in texts[0] and "axis" in texts[1]
+    with pytest.raises(SubmissionError, match="seeds"):
         accept(file, tmp_path / "board", sealed)
 
 

@@ -104,23 +104,23 @@ def test_seeds_files_and_bytes_have_bounds(tmp_path):
     untrained = ModelReference(baseline="persistence")
     check_budget(range(MOST_SEEDS), untrained, path)
     for seeds, complaint in (
-        (range(1_000_000), "1000000 seeds"),
+        (range(1_000_000), "1000000"),
         ([-1], "seed -1"),
         ([10**23], "seed 1000"),
-        ([10**5000], "over 30 digits"),
+        ([10**5000], "seed"),
     ):
         with pytest.raises(SubmissionError, match=complaint):
             check_budget(seeds, untrained, path)
     for seed in range(4):
         written(tmp_path, declared([2, 3]), seed)
     check_budget([0, 1, 2, 3], reference(tmp_path, 4), path)
-    with pytest.raises(SubmissionError, match="4 files for 1 seeds"):
+    with pytest.raises(SubmissionError, match="4 files"):
         check_budget([0], reference(tmp_path, 4), path)
     with pytest.raises(SubmissionError, match="MB"):
         check_budget([0, 1, 2, 3], reference(tmp_path, 4, 50_000_000), path)
 
 
-def test_what_takes_too_long_is_ended(tmp_path):
+def test_a_run_that_takes_too_long_is_stopped(tmp_path):
     with pytest.raises(SubmissionError, match="minutes"), time_limit(0.1, tmp_path / "s.json"):
         while True:
             torch.zeros(3).sum()

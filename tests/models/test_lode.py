@@ -152,7 +152,7 @@ def test_slopes_are_derivatives_by_b(order):
         torch.testing.assert_close(slope, expected, rtol=1e-12, atol=1e-12)
 
 
-def test_third_invariants_are_left_out_where_nobody_asks():
+def test_third_invariants_are_computed_only_on_request():
     rows = rows_of("full")
     deviator = deviator_of("full", [3.0, 1.0, -2.0, 0.5, 0.0, 1.0])
     bare = deviator_plane(rows, deviator, deviator, lode=False)

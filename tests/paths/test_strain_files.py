@@ -215,12 +215,12 @@ def test_units_in_the_header_are_turned_into_si(text, factors, table):
         ("eps_11,eps_22,eps_33\n0,0,0\n5,0,0\n", r"eps_11 holds 5.*eps_11 \[%\]"),
     ],
 )
-def test_a_unit_that_is_missing_unknown_or_wrong_is_asked_about(text, named, table):
+def test_a_unit_that_is_missing_unknown_or_wrong_is_refused(text, named, table):
     with pytest.raises(ConfigurationError, match=named):
         table(text)
 
 
-def test_a_held_stress_that_falls_to_a_thousandth_at_once_is_asked_about(table):
+def test_a_held_stress_that_falls_to_a_thousandth_at_once_is_refused(table):
     start = np.full(3, 2e6)
     text = "eps_11,sig_22,sig_33\n0,2000,2000\n0.01,2000,2000\n"
     with pytest.raises(ConfigurationError, match=r"line 2.*sig_22 holds 2000 Pa.*2e\+06 Pa.*kPa"):

@@ -1,4 +1,4 @@
-"""Peak and critical states: read off records as a soil mechanician would."""
+"""Peak and critical states of recorded tests."""
 
 import numpy as np
 import pytest
@@ -96,7 +96,7 @@ def test_critical_states_come_from_fully_strained_monotonic_tests(records: xr.Da
 
 
 def test_initial_void_ratios_of_one_compression_line_agree_at_one_pressure() -> None:
-    # Two specimens, each at two pressures of its own, on parallel lines: exact.
+    # Exact for two specimens with different pressures on parallel lines.
     pressure = np.array([0.1e6, 1e6, 2e6, 4e6])
     dense, slope = np.array([0.0, 0.0, 0.2, 0.2]), 0.01
     void_ratio = 0.7 - dense - slope * (pressure / ATMOSPHERIC_PRESSURE) ** 0.7

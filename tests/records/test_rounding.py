@@ -1,4 +1,4 @@
-"""Laws of the two roundings: idempotent, exact in single precision, as close as promised."""
+"""The two roundings: idempotent, exact in single precision, within their error bounds."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def test_kept_bits_bound_the_relative_error(values, bits: int) -> None:
 
 
 def test_fewer_bits_follow_from_more_but_for_ties() -> None:
-    """A value kept with 16 bits and then with 15 is off from 15 at once by one step at most."""
+    """Rounding to 16 and then to 15 bits differs from rounding to 15 by at most one step."""
     values = np.random.default_rng(0).standard_normal(10_000)
     at_once = keep_mantissa(values, BITS - 1).astype(float)
     twice = keep_mantissa(keep_mantissa(values, BITS), BITS - 1).astype(float)

@@ -1,4 +1,4 @@
-"""Thinning keeps the reversals of what drives a test and of what it answers."""
+"""Thinning keeps the reversals of prescribed and of measured series."""
 
 import dataclasses
 
@@ -10,7 +10,7 @@ from granbench.records.turning_points import reversals, shown_rows, spread_place
 
 
 def cyclic(cycles: int, rows_of_leg: int, wave: str = "triangle") -> LaboratoryTest:
-    """A drained test of loading cycles; q lags behind the strain, as a hysteresis does."""
+    """A drained cyclic test, with hysteresis between strain and q."""
     phase = np.linspace(0.0, 2.0 * np.pi * cycles, 2 * cycles * rows_of_leg + 1)
     waves = {"triangle": 0.5 - np.arcsin(np.cos(phase)) / np.pi, "sine": 0.5 - 0.5 * np.cos(phase)}
     strain = np.zeros((len(phase), 3))

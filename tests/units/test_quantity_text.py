@@ -1,4 +1,4 @@
-"""Pressures and strains as users write them: units are known, wrong ones are asked about."""
+"""Pressures and strains as users write them: known units, and questions about wrong ones."""
 
 import pytest
 

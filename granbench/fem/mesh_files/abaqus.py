@@ -90,7 +90,7 @@ def _parameters(text: str) -> dict[str, str]:
 
 
 class _Reader:
-    """Takes in one keyword after the other and keeps what belongs to the mesh."""
+    """Reads one keyword after the other and keeps what belongs to the mesh."""
 
     def __init__(self) -> None:
         self.root = self.part = Part("")
@@ -222,7 +222,7 @@ class _Reader:
     def _entries(
         self, keyword: _Keyword, parameter: str, kept: dict[str, list[Entry]]
     ) -> list[Entry]:
-        """The list that a keyword adds to; one that nobody keeps where it names no set."""
+        """The list that a keyword adds to; a discarded one if it names no set."""
         if parameter not in keyword.parameters:
             return []
         return kept.setdefault(self._label(keyword, parameter), [])

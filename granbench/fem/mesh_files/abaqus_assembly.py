@@ -38,7 +38,7 @@ class Instance:
 
 @dataclass(frozen=True)
 class Entry:
-    """What a set or surface has listed.
+    """Entries of a set or surface.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Entry:
 
 
 Sets = Mapping[str, list[Entry]]
-"""By the name in upper case, as Abaqus compares names."""
+"""Sets by their names in upper case, as Abaqus compares names."""
 
 
 class Assembly:
@@ -159,7 +159,7 @@ class Assembly:
 
 
 class _Members:
-    """What the entries of sets stand for."""
+    """Members of sets from their entries."""
 
     def __init__(self, assembly: Assembly, node_sets: Sets, element_sets: Sets) -> None:
         self.assembly = assembly

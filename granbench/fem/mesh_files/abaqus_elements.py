@@ -12,7 +12,7 @@ LINE = re.compile(r"^(?:(?:T2D|T3D|RB2D|R2D)([23])|B[23]([123]))[A-Z]*$")
 """Trusses, rigid lines and beams."""
 NODES_OF_BEAM = {"1": 2, "2": 3, "3": 2}
 BESIDE = ("MASS", "SPRING", "DASHPOT", "CONN", "ROTARYI", "GAP", "ITT", "CINPE")
-"""Beginnings of the types that are no part of the body."""
+"""First letters of the element types that are not part of the body."""
 
 
 def is_plane(kind: str) -> bool:

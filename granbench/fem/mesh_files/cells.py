@@ -1,4 +1,4 @@
-"""From what a mesh file holds to plane elements of one shape, with named edges.
+"""Plane elements of one shape with named edges, from the contents of a mesh file.
 
 Nodes of no element are left out, nodes at one place become one, elements are turned anticlockwise,
 and what makes no body is refused: elements out of one plane, parts that share no nodes, elements
@@ -24,7 +24,7 @@ SAME_PLACE = 1e-8
 FLAT = 1e-6
 """Distance from one plane, over the mesh's extent, that is rounding of the file."""
 FARTHEST = 1e6
-"""Coordinate, m, beyond which rounding spoils what a mesh of some metres says."""
+"""Coordinate, m, beyond which rounding spoils a mesh of some metres."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class PlaneCells:
     middles : (element, edge, direction), m, of the edges from each corner to the next; None if all
         of them are straight
     boundaries : (edge, 2) places in `nodes`, by name
-    notes : what was done to the file's mesh, and what a user should know of it
+    notes : changes to the file's mesh, and remarks on it, for the user
     """
 
     nodes: np.ndarray
@@ -54,8 +54,8 @@ def plane_cells(found: MeshContents) -> PlaneCells:
     Raises
     ------
     ConfigurationError
-        If there are none, they lie in no plane x-y, fall into several parts, or share an edge by
-        threes.
+        If there are none, they lie in no plane x-y, fall into several parts, or have an edge that
+        belongs to three elements.
     """
     notes = list(found.notes)
     corners, middles = _elements(found.blocks, notes)

@@ -1,4 +1,4 @@
-"""What a mesh file holds, whatever its format: nodes, plane elements, and named groups."""
+"""Contents of a mesh file of any format: nodes, plane elements, and named groups."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class MeshContents:
 
 
 def require_size(elements: int, nodes: int) -> None:
-    """Refuse a mesh that is larger than this program is made for.
+    """Refuse a mesh that is too large for this program.
 
     Raises
     ------

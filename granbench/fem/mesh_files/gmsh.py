@@ -233,7 +233,7 @@ def _contents(found: _Parsed) -> MeshContents:
 
 
 class _Places:
-    """From node tags, which may be sparse and in any order, to places in the array of nodes."""
+    """Places in the array of nodes by node tag; tags may be sparse and in any order."""
 
     def __init__(self, tags: np.ndarray) -> None:
         self.order = np.argsort(tags, kind="stable")

@@ -34,7 +34,7 @@ class Numbers:
         return self._next(count, "i4")
 
     def counts(self, count: int) -> np.ndarray:
-        """The next integers of the size that the file's header says."""
+        """The next integers of the size in the file's header."""
         return self._next(count, f"u{self.size}")
 
     def count(self) -> int:
@@ -115,7 +115,7 @@ def header(raw: bytes) -> tuple[int, str | None, int, int]:
     if binary:
         order = "<" if rest[:4] == b"\1\0\0\0" else ">"
         if rest[:4] not in (b"\1\0\0\0", b"\0\0\0\1"):
-            raise ConfigurationError(f"says binary, but is not; {DAMAGED}")
+            raise ConfigurationError(f"its header says binary, but its data are not; {DAMAGED}")
     return int(version), order, size, line_end + len(first) + 2
 
 

@@ -1,4 +1,4 @@
-"""From a mesh file to plane elements, in the process that reads files from outside."""
+"""Reads a mesh file into plane elements, in a separate process for files from outside."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from granbench.fem.mesh_files.gmsh import read_gmsh
 MESHIO_CELLS: Mapping[str, int] = {
     "triangle": 3, "triangle6": 6, "triangle7": 6, "quad": 4, "quad8": 8, "quad9": 9
 }  # fmt: skip
-"""Its plane cells, and how many of their nodes count: corners, then those on the edges."""
+"""Plane cells of meshio, and the number of their nodes in use: corners, then edges."""
 SOLID_CELLS = ("tetra", "hexahedron", "wedge", "pyramid", "polyhedron")
 
 
@@ -51,15 +51,15 @@ def _read_medit(path: Path) -> MeshContents:
 
 
 def _of_meshio(path: Path, read: Callable[[str], meshio.Mesh]) -> MeshContents:
-    """What a reader of meshio finds; its own words reach the user where it finds no mesh."""
-    said = io.StringIO()
+    """The mesh that meshio reads; if it finds none, the user sees meshio's message."""
+    printed = io.StringIO()
     try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
             found = read(str(path))
     except MemoryError:
         raise
     except (Exception, SystemExit) as error:
-        words = " ".join(f"{said.getvalue()} {error}".split())[:200]
+        words = " ".join(f"{printed.getvalue()} {error}".split())[:200]
         raise ConfigurationError(
             f"is no {path.suffix} file that meshio reads ({type(error).__name__}: "
             f"{words or 'without a reason'}); write it as .msh, with Gmsh or `meshio convert`"

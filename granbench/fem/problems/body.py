@@ -1,7 +1,7 @@
 """Whether a mesh from a file is of a problem's body, and which of its edges are which boundary.
 
-Lengths, heights and supports of a problem are those of its own body, so that a mesh of another one
-would be analysed as something that nobody meant.
+Lengths, heights and supports of a problem are those of its own body, so a mesh of another body
+would give a meaningless analysis.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from granbench.errors import ConfigurationError
 from granbench.fem.mesh import Floats, PlaneMesh
 
 SAME_PLACE = 1e-3
-"""Of a body's extent, by which its outline and its boundaries may be elsewhere."""
+"""Tolerance on the position of an outline or boundary, as a share of the body's extent."""
 SAME_SIZE = 0.01
-"""Relative, by which areas and lengths may differ: polygons stand for curved edges."""
+"""Relative tolerance on areas and lengths: polygons approximate curved edges."""
 
 
 def with_boundaries_of(mesh: PlaneMesh, own: PlaneMesh) -> PlaneMesh:
     """The mesh with the boundary names of the problem's own one.
 
     Names are compared without regard to upper and lower case. Where a file names none of the
-    boundaries, they are found by their place, and a note says so.
+    boundaries, they are found by their place, and a note is added.
 
     Parameters
     ----------
@@ -55,8 +55,8 @@ def with_boundaries_of(mesh: PlaneMesh, own: PlaneMesh) -> PlaneMesh:
         if not len(found):
             raise ConfigurationError(
                 f"it names no boundary of the problem, and none of its edges lies along {name!r}, "
-                f"which spans {_spoken(own.nodes[own.nodes_on(name)])}; name groups of its edges, "
-                "as physical curves in Gmsh"
+                f"which spans {_span_text(own.nodes[own.nodes_on(name)])}; name groups of its "
+                "edges, as physical curves in Gmsh"
             )
     listed = ", ".join(mesh.boundary_names[:4])
     note = (
@@ -112,8 +112,8 @@ def require_body(mesh: PlaneMesh, own: PlaneMesh, boundaries: Sequence[str] = ()
     for name, (found, wanted) in parts.items():
         if np.abs(_span(found) - _span(wanted)).max() > close:
             raise ConfigurationError(
-                f"{name} spans {_spoken(found)}, but the problem's {_spoken(wanted)}; scale or "
-                "move the mesh, or name its boundaries anew"
+                f"{name} spans {_span_text(found)}, but the problem's {_span_text(wanted)}; scale "
+                "or move the mesh, or correct its boundary names"
             )
     sizes = {
         "an area of {:.4g} m2": (mesh.area, own.area, "leave no holes and no elements twice"),
@@ -137,6 +137,6 @@ def _span(nodes: Floats) -> Floats:
     return np.stack([nodes.min(axis=0), nodes.max(axis=0)])
 
 
-def _spoken(nodes: Floats) -> str:
+def _span_text(nodes: Floats) -> str:
     (left, bottom), (right, top) = _span(nodes)
     return f"x from {left:g} to {right:g} m and y from {bottom:g} to {top:g} m"

@@ -1,4 +1,4 @@
-"""What a boundary-value problem states; what the solvers make of it is the same for all."""
+"""Base class of boundary-value problems: their choices, meshes, loading and defaults."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ CYCLES: Mapping[str, tuple[float, ...]] = {
     "cyclic-8-4": (0.8, 0.4),
     "cyclic-7-5": (0.7, 0.5),
 }
-"""Where each loading turns - unloading, reloading, and so on - as shares of the final strain. With
-the 10 % of the thesis they are its turning points (Sec 6.4)."""
+"""Turning points of each loading - unloading, reloading, and so on - as shares of the final strain.
+With the 10 % of the thesis they are its turning points (Sec 6.4)."""
 
 LARGEST_DRIVE = 0.5
-"""Driving strain; small-strain theory has lost its meaning long before."""
+"""Largest driving strain, far beyond the range of small-strain theory."""
 
 FASTEST = 10.0
-"""m/s; a hundred times the thesis' speed, at which inertia alone is analysed."""
+"""m/s; a hundred times the thesis' speed. Inertia dominates there."""
 
 CONFINEMENT = 1e5
 """Pa; the thesis' confinement of the models that are defined under compression only."""
@@ -43,7 +43,7 @@ CONFINEMENT = 1e5
 
 @dataclass(frozen=True, kw_only=True)
 class Problem(abc.ABC):
-    """A boundary-value problem, with what may be chosen in each of them.
+    """A boundary-value problem, with the choices that every problem has.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Problem(abc.ABC):
     Attributes
     ----------
     name : in the registry and in files
-    title : for people
+    title : full name, in figures and tables
     drive : what the driving displacement is
     reaction : what the force conjugate to it is
     length : what the driving displacement is divided by to be the driving strain
@@ -112,7 +112,7 @@ class Problem(abc.ABC):
             share = f"; {0.01 * self.end_strain:g} is {self.end_strain:g} %"
             raise ConfigurationError(
                 f"{self.name}: end_strain is {self.end_strain:g}; give one above 0 and up to "
-                f"{LARGEST_DRIVE:g}, beyond which no strain is small"
+                f"{LARGEST_DRIVE:g}, the limit of this program"
                 + (share if LARGEST_DRIVE < self.end_strain <= 100.0 * LARGEST_DRIVE else "")
             )
         if not 0.0 < self.speed <= FASTEST:
@@ -142,7 +142,7 @@ class Problem(abc.ABC):
 
     @abc.abstractmethod
     def loading(self, mesh: PlaneMesh) -> Loading:
-        """What is done to the body, by the names of the mesh's boundaries."""
+        """Loading of the body, in terms of the mesh's named boundaries."""
 
     def initial_stress(self, positions: Floats, density: float) -> Floats:
         """Stress (3, point), Pa, at the start; in equilibrium with the loads at time 0.
@@ -217,13 +217,13 @@ class Problem(abc.ABC):
         return mesh
 
     def explicit(self) -> ExplicitSettings:
-        """How the explicit solver is set by default."""
+        """Default settings of the explicit solver."""
         return ExplicitSettings()
 
     def implicit(self) -> ImplicitSettings:
-        """How the implicit solver is set by default."""
+        """Default settings of the implicit solver."""
         return ImplicitSettings()
 
     def configuration(self) -> dict[str, object]:
-        """What was chosen, for a file's attributes."""
+        """The choices, for a file's attributes."""
         return asdict(self)

@@ -16,9 +16,9 @@ with p and p_s in kPa, p_s = exp((N - Z)/lambda) - 1. The formulas are in
 increment is in `granbench.models.csuh.increment` and its error control in
 `granbench.models.substepping`.
 
-A path starts on its yield surface with H = 0, so that p_x0 = A p0. How dense the material is says
-e0: that of the conditions' `initial_void_ratio`; or else that which follows from an
-overconsolidation ratio, of the conditions or of the parameters,
+A path starts on its yield surface with H = 0, so that p_x0 = A p0. The density is given
+by e0: the conditions' `initial_void_ratio`, or the value that follows from an overconsolidation
+ratio of the conditions or of the parameters,
 
     e0 = e_eta - (lambda - kappa) ln((OCR A p0 + p_s)/(A p0 + p_s)).
 
@@ -66,7 +66,7 @@ _FRICTION_8_DEGREES = 6.0 * math.sin(math.radians(8.0)) / (3.0 - math.sin(math.r
 
 
 class CSUH(ClassicalCell):
-    """See the module.
+    """Critical-state unified hardening; see the module for its equations.
 
     Attributes
     ----------
@@ -157,7 +157,7 @@ class CSUH(ClassicalCell):
         if swelling >= slope:
             raise ModelError(
                 f"{self.name}: swelling_slope (kappa) is {swelling:g} but must lie below "
-                f"compression_slope (lambda), {slope:g}; mend one of them"
+                f"compression_slope (lambda), {slope:g}; correct one of them"
             )
         self._increment = Increment(self.rows, Flags(self.lode_dependent, self.state_dependent))
 

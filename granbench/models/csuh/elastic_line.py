@@ -20,7 +20,7 @@ from granbench.models.lode import DeviatorPlane
 
 ROOT_ITERATIONS = 40
 ROOT_TOLERANCE = 1e-9
-"""Of the share of an elastic line; the Newton step after the last squares it."""
+"""Tolerance on the share of an elastic line; one more Newton step squares the error."""
 
 
 class LineEnds(NamedTuple):

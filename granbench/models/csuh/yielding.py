@@ -66,7 +66,7 @@ PRESSURE_SCALE = 1e3
 
 
 class Material(NamedTuple):
-    """What the equations need of a material and of where its path began; () or (point,) each.
+    """Constants of the material and of the start of each path; () or (point,) each.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class Material(NamedTuple):
 
 
 class Flags(NamedTuple):
-    """Which model of the family it is.
+    """Variant of the model family.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class Flags(NamedTuple):
 
 
 class Ratio(NamedTuple):
-    """What a stress ratio is made of, (point,).
+    """A stress ratio and its parts, (point,).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The campaign executor: real processes, really killed."""
+"""The campaign executor with real processes, which are killed."""
 
 import errno
 import os
@@ -47,7 +47,7 @@ def test_a_finished_campaign_is_not_run_again_and_a_lost_result_is_made_again_bi
     again = quiet(walks(), tmp_path)
     assert again.done == first.done and again.skipped == tuple(first.done)
     shutil.rmtree(first.done["joined"])
-    (first.done["walk/1"] / "job.json").unlink()  # not a whole result without it
+    (first.done["walk/1"] / "job.json").unlink()  # without it the result is incomplete
     completed = quiet(walks(), tmp_path)
     assert completed.skipped == ("walk/0", "walk/2")
     assert list(completed.damaged) == ["walk/1"]
@@ -104,7 +104,7 @@ def test_a_failure_is_recorded_with_its_reason_and_stops_the_jobs_that_need_it(t
 
     repair.touch()
     again = quiet(jobs, tmp_path / "campaign")
-    assert again.failed == reasons  # what explains itself would fail again, and is left alone
+    assert again.failed == reasons  # permanent failures are not tried again
     assert again.permanent == report.permanent
     log = (tmp_path / "campaign/campaign.log").read_text()
     assert log.count("failed bad ") == 1 and log.count("failed silent ") == 2
@@ -193,7 +193,7 @@ def test_ctrl_c_stops_the_jobs_at_once_and_leaves_a_folder_that_resumes(
         command.send_signal(signal.SIGINT)
         sent = time.monotonic()
         _, errors = command.communicate(timeout=PATIENCE)
-        assert time.monotonic() - sent < 20.0  # not when the jobs would have ended: never
+        assert time.monotonic() - sent < 20.0  # the jobs themselves would never end
     assert errors.decode().rstrip().endswith("KeyboardInterrupt")
     assert not any(map(is_alive, workers))
     assert list((tmp_path / "campaign/attempts").iterdir()) == []
@@ -209,7 +209,7 @@ def test_killed_worker_process_loses_nothing(tmp_path, shared, undisturbed):
             wait_until(lambda: len(processes_named_in(shared)) == 2)
             os.kill(processes_named_in(shared)[0], signal.SIGKILL)
         finally:
-            (shared / "go").touch()  # whatever happened, the jobs must come to their end
+            (shared / "go").touch()  # so that the jobs end in any case
 
     killer = threading.Thread(target=kill_the_first)
     killer.start()

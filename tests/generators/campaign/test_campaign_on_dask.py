@@ -32,7 +32,7 @@ pytestmark = [pytest.mark.usefixtures("toy_jobs"), pytest.mark.cluster]
 
 
 class Cluster:
-    """A scheduler and workers of one thread each, every one a process of its own."""
+    """A scheduler and workers with one thread each, all in separate processes."""
 
     def __init__(self, folder: Path, workers: int) -> None:
         with socket.socket() as free:
@@ -97,7 +97,7 @@ def test_the_job_of_a_killed_dask_worker_ends_and_nothing_is_lost(
             wait_until(lambda: not is_alive(first))
             stopped.append(True)
         finally:
-            (shared / "go").touch()  # whatever happened, the jobs must come to their end
+            (shared / "go").touch()  # so that the jobs end in any case
 
     killer = threading.Thread(target=kill_a_worker)
     killer.start()
@@ -108,7 +108,7 @@ def test_the_job_of_a_killed_dask_worker_ends_and_nothing_is_lost(
     assert files_of(tmp_path / "campaign") == undisturbed
     assert capfd.readouterr() == ("", "")
 
-    # The same cluster goes on with dependent jobs and with failing ones.
+    # The same cluster continues with dependent and with failing jobs.
     failing = Job("bad", "toy_jobs:ends_like_an_engine", {}, 0)
     more = quiet([failing, *walks()], tmp_path / "walks", scheduler=cluster.address)
     assert more.failed == {"bad": "ERROR: Unknown fix style (line 7)"}

@@ -1,4 +1,4 @@
-"""A campaign folder in which any file was damaged comes back to the same results."""
+"""A campaign with damaged files is continued to the same results."""
 
 import json
 import os

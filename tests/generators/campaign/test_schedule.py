@@ -16,7 +16,7 @@ def job(key: str, *needs: str, seed: int = 0, **configuration: object) -> Job:
 
 @st.composite
 def job_lists(draw: st.DrawFn) -> list[Job]:
-    """Random acyclic campaigns whose list order is not their topological order."""
+    """Random campaigns without cycles, whose jobs are not listed in topological order."""
     count = draw(st.integers(1, 12))
     edges = draw(st.sets(st.tuples(st.integers(0, 11), st.integers(0, 11)), max_size=20))
     jobs = [job(f"j{i}", *[f"j{a}" for a, b in sorted(edges) if b == i and a < b])

@@ -1,4 +1,4 @@
-"""Admissible paths: only the volume change is reduced, and no more than is needed."""
+"""Admissible paths: only the volume change is reduced, and not more than needed."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def _difference(strain: np.ndarray) -> np.ndarray:
 
 
 def test_the_factor_is_the_largest_that_keeps_the_pressure(strain: np.ndarray) -> None:
-    """In closed form for p = p0 + K eps_v, which J2 plasticity does not disturb."""
+    """In J2 plasticity p = p0 + K eps_v, so that the factor has a closed form."""
     cell = J2()
     dilation = -volumetric_strain(strain, "plane").min(axis=1)
     limit = (1.0 - LOWEST_PRESSURE) * PRESSURE / cell.values()["bulk_modulus"]
@@ -72,7 +72,7 @@ def test_scaled_paths_keep_a_frictional_model_in_compression(strain: np.ndarray)
 
 
 def test_a_model_that_stiffens_is_not_crushed(strain: np.ndarray) -> None:
-    """K a hundred times that of the thesis: p = p0 + K eps_v would reach hundreds of p0."""
+    """With a hundred times the K of the thesis, p = p0 + K eps_v would reach hundreds of p0."""
     cell = J2({"bulk_modulus": 1.25e8})
     factor = admissible_factors(cell, strain, PRESSURE)
     run = response(
@@ -87,7 +87,7 @@ def test_a_model_that_stiffens_is_not_crushed(strain: np.ndarray) -> None:
 
 
 def test_a_path_without_an_admissible_factor_is_refused(strain: np.ndarray) -> None:
-    """A cone whose flow contracts loses its pressure by shear alone."""
+    """A cone with contractive flow loses its pressure by shear alone."""
     contractive = DruckerPrager({"dilation_slope": -0.3})
     with pytest.raises(ModelError, match="even at constant volume; start from another"):
         admissible_factors(contractive, strain, PRESSURE)

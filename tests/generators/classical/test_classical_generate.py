@@ -1,4 +1,4 @@
-"""One small `gp-*` campaign from end to end: its data, its continuation, and what it refuses."""
+"""One small `gp-*` campaign from end to end: its data, its continuation, and its errors."""
 
 import json
 import shutil
@@ -29,7 +29,7 @@ generate = partial(GENERATOR.generate, DATASET, "smoke", progress="quiet")
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    """Folder of a finished smoke campaign, its dataset's file and its report; only to be read."""
+    """Folder of a finished smoke campaign, its file and its report; tests must not change them."""
     out = tmp_path_factory.mktemp("gp")
     path, report = generate(out)
     return out, path, report
@@ -57,7 +57,7 @@ def test_dataset_is_valid_sealed_and_says_how_it_was_made(finished, dataset) -> 
 
 @pytest.mark.parametrize("name", DATASETS)
 def test_a_fresh_rollout_of_the_cell_is_what_was_recorded(name: str) -> None:
-    """Strain and start in the file are all that the run depended on.
+    """The run depends only on the strain and the start in the file.
 
     With gradients some models go through other instructions, whose last bit of double precision
     may differ; that moves one value in a million to the next one that a record can hold.
@@ -89,7 +89,7 @@ def test_every_variable_says_how_it_was_rounded_and_rounding_again_changes_nothi
 
 @pytest.mark.parametrize("name", DATASETS)
 def test_tangents_are_slopes_of_the_step_from_the_recorded_state(name: str) -> None:
-    """Against central differences, in the median over the training paths at one step.
+    """Compared with central differences, in the median over the training paths at one step.
 
     Tolerance: the state is known as a record keeps it and a model with substeps answers a nudge
     of 1e-5 with its tolerance; paths at a kink of the response are in the minority.
@@ -124,7 +124,7 @@ def test_every_path_is_a_specimen_and_no_split_shares_one(dataset) -> None:
     report = leak_report(dataset)
     assert report.clean
     assert set(report.nearest_path_distance) >= {"train-test", "train-validation"}
-    # Paths of few degrees of freedom come close; none repeats another.
+    # Paths with few degrees of freedom may be near each other; none repeats another.
     assert min(report.nearest_path_distance.values()) > 0.01
 
 

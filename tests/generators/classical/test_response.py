@@ -1,4 +1,4 @@
-"""What a model is run along: the start, the record, the tangents."""
+"""The response of a model along strain paths: start, records, tangents."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def test_records_are_a_rollout_of_the_cell(strain: torch.Tensor) -> None:
 
 
 def test_tangents_are_those_of_the_step_that_ends_there(strain: torch.Tensor) -> None:
-    """Against central differences of the step, and the elastic stiffness at step 0."""
+    """Compared with central differences of the step, and at step 0 with the elastic stiffness."""
     cell = J2()
     run = response(cell, strain, isotropic_start(cell, 0.0, len(strain)), tangents=True)
     bulk, shear = cell.values()["bulk_modulus"], cell.values()["shear_modulus"]

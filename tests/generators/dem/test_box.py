@@ -1,4 +1,4 @@
-"""The periodic box against closed forms of lattices: stress, bulk and shear stiffness, no loss."""
+"""The periodic box, compared with closed forms of lattices: stress, bulk and shear stiffness."""
 
 import itertools
 import math
@@ -31,7 +31,7 @@ def lattice_box(folder, lattice, cells, friction=STICKY.friction):
 def compress(box, volumetric_strain, chunks=10, steps=20):
     for _ in range(chunks):
         box.strain(np.full(3, volumetric_strain / 3 / chunks), steps)
-    box.strain(np.zeros(3), 400)  # the stop itself makes the grains ring for a while
+    box.strain(np.zeros(3), 400)  # the grains oscillate for a while after the stop
     return box.strain(np.zeros(3), 50)
 
 
@@ -41,7 +41,7 @@ def hertz_force(overlap):
 
 
 def compressed_lattice(folder, lattice, strains):
-    # With friction, the grains would keep some of the jolt of the stop: 1e-5 of the stress.
+    # With friction, the stop would leave an error of 1e-5 of the stress.
     box = lattice_box(folder, lattice, 4, friction=0.0)
     done, states = 0.0, []
     for strain in strains:
@@ -62,7 +62,7 @@ def test_stress_of_a_compressed_lattice_is_its_closed_form(tmp_path, lattice):
         overlap = DIAMETER * -math.expm1(-strain / 3)
         force, branch = hertz_force(overlap), DIAMETER - overlap
         pressure = neighbours * count * force * branch / (6 * volume)
-        # Rounding: an overlap of 1e-4 d is known to some 1e-11 of itself.
+        # The relative rounding error of an overlap of 1e-4 d is about 1e-11.
         np.testing.assert_allclose(stress[:3], pressure, rtol=1e-6)
         np.testing.assert_allclose(stress[3:], 0.0, atol=1e-6 * pressure)
         assert coordination == neighbours
@@ -80,7 +80,7 @@ def test_stress_of_a_compressed_lattice_is_its_closed_form(tmp_path, lattice):
 
 
 def sheared_lattice(folder):
-    """Change of stress of an FCC lattice under an isochoric affine strain, and its volume."""
+    """Change of stress, and volume, of an FCC lattice under an isochoric affine strain."""
     box = lattice_box(folder, face_centred_cubic, 3)
     before = compress(box, VOLUMETRIC)
     for _ in range(40):
@@ -93,7 +93,7 @@ VOLUMETRIC, SHEAR = 1.2e-3, 1e-5 * np.array([1.0, -0.5, -0.5])
 
 
 def test_affine_shear_loads_the_tangential_springs(tmp_path):
-    """With `remap x` LIGGGHTS would move grains without sliding: q as if there were no springs."""
+    """With `remap x` LIGGGHTS would move grains without sliding, so that springs would not act."""
     change, volume, count = isolated(sheared_lattice, tmp_path)
     overlap = DIAMETER * -math.expm1(-VOLUMETRIC / 3)
     branch, force = DIAMETER - overlap, hertz_force(overlap)
@@ -101,7 +101,7 @@ def test_affine_shear_loads_the_tangential_springs(tmp_path):
     tangential = normal * 2 * (1 - STICKY.poisson_ratio) / (2 - STICKY.poisson_ratio)
 
     def deviator(tangential_stiffness):
-        """Sum over one contact of every grain in each of the six directions."""
+        """Sum over one contact of a grain in each of the six directions."""
         stress = np.zeros((3, 3))
         for a, b in itertools.combinations(np.eye(3), 2):
             for n in (a + b, a - b):
@@ -109,7 +109,7 @@ def test_affine_shear_loads_the_tangential_springs(tmp_path):
                 motion = branch * SHEAR * n
                 approach = (motion @ n) * n
                 push = normal * approach + tangential_stiffness * (motion - approach)
-                # The branches change under the force that is there already.
+                # The branches change under the force that is already there.
                 turned = -force * motion
                 stress += np.outer(push, n * branch) + np.outer(turned, n)
         stress *= count / volume
@@ -117,7 +117,7 @@ def test_affine_shear_loads_the_tangential_springs(tmp_path):
 
     measured = change[0] - 0.5 * (change[1] + change[2])
     assert measured == pytest.approx(deviator(tangential), rel=5e-3)
-    # The figures of docs/dem.md: with the springs, and as if there were none.
+    # The values in docs/dem.md, with the springs and without.
     assert measured == pytest.approx(328.0, rel=5e-3)
     assert deviator(0.0) == pytest.approx(86.0, rel=5e-3)
 
@@ -146,14 +146,14 @@ def sheared_packing(folder):
 def test_virial_is_the_sum_over_contacts_of_force_and_branch(tmp_path):
     virial, summed, later = isolated(sheared_packing, tmp_path)
     assert virial[:3].min() > 1e4 and np.ptp(virial[:3]) > 1e4
-    # Damping is of the half step in one and of the whole step in the other; at rest it is small.
+    # One has the damping of the half step, the other of the full step; at rest both are small.
     np.testing.assert_allclose(summed, virial, atol=1e-3 * virial[:3].mean())
-    # Reading the forces disturbs nothing.
+    # Reading the forces does not change the simulation.
     np.testing.assert_allclose(later, virial, atol=1e-3 * virial[:3].mean())
 
 
 def chunks_of(folder, steps):
-    """Mean stress of every chunk, and the engine's own of the step that ends it."""
+    """Mean stress of every chunk, and the stress in LIGGGHTS at its last step."""
     box = lattice_box(folder, simple_cubic, 3)
     compress(box, 3e-4)
     chunks, ends = [], []
@@ -165,11 +165,11 @@ def chunks_of(folder, steps):
 
 def test_stress_of_a_chunk_is_the_mean_of_its_steps(tmp_path):
     singles, ends = isolated(chunks_of, tmp_path, 1)
-    # The average runs over all steps since the start, of which the last few are taken apart.
+    # The average is over all steps since the start, from which the last few are separated.
     np.testing.assert_allclose(singles, ends, rtol=1e-9)
     assert np.ptp(ends) > 0.01 * ends.mean()
     (whole,), _ = isolated(chunks_of, tmp_path, 10)
-    # One logarithmic increment in equal lengths, or ten: they differ in the second order.
+    # One logarithmic increment or ten, each with constant speed, differ in the second order.
     assert whole == pytest.approx(ends.mean(), rel=1e-4)
 
 

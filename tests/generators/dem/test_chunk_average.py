@@ -1,4 +1,4 @@
-"""The mean over a chunk against the samples themselves, on a stand-in for the engine's average."""
+"""The mean over a chunk, compared with the samples of a simulated LIGGGHTS average."""
 
 import numpy as np
 from hypothesis import example, given, settings
@@ -10,7 +10,7 @@ intervals = st.integers(1, 7)
 
 
 class RunningAverage:
-    """An engine that averages as LIGGGHTS does: at multiples, and at a set-up on one of them."""
+    """An engine that samples as LIGGGHTS does: at multiples, and at a set-up on a multiple."""
 
     def __init__(self, figures, step):
         self.figures, self.step = figures, step
@@ -27,7 +27,7 @@ class RunningAverage:
             self.fixes[words[1]] = []
 
     def run(self, steps, set_up):
-        """Take every sample of a run; gives those after its first state."""
+        """Take every sample of a run, and return those after its first state."""
         first = self.step if set_up else self.step + 1
         taken = [s for s in range(first, self.step + steps + 1) if s % self.interval == 0]
         for samples in self.fixes.values():
@@ -61,7 +61,7 @@ def test_mean_of_a_chunk_is_that_of_its_samples(start, parts, seed):
         for chunk, intervals_in_chunk in enumerate(chunks):
             steps = intervals_in_chunk * interval
             samples = engine.run(steps, set_up=chunk == 0)
-            # Taken out of a sum of up to 49 samples between 1 and 2: their rounding.
+            # Rounding of a sum of up to 49 samples between 1 and 2.
             np.testing.assert_allclose(average.of_chunk(steps), samples.mean(axis=0), rtol=1e-12)
 
 
@@ -72,6 +72,6 @@ def test_whole_chunk_is_the_next_multiple_of_the_interval(interval, steps):
     average.interval = interval
     whole = average.whole_chunk(steps)
     assert whole % interval == 0 and whole >= interval
-    # A step count that is whole but for rounding is not taken one interval further.
+    # A number of steps that is whole up to rounding is not increased by an interval.
     assert steps * (1 - 1e-6) - 1e-6 <= whole < steps + interval
     assert average.whole_chunk(whole * (1 + 1e-15)) == whole

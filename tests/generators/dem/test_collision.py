@@ -1,4 +1,4 @@
-"""The contact law against the collisions of Chung and Ooi (2011), and against Hertz and Coulomb."""
+"""The contact law, compared with the collisions of Chung and Ooi (2011), Hertz and Coulomb."""
 
 import math
 
@@ -20,7 +20,7 @@ ALUMINA = ContactMaterial(
 )  # fmt: skip
 SPEED, RADIUS = 3.9, 2.5e-3
 SLIDING_ANGLES = (45, 60, 75)
-"""Degrees from the normal; a rigid sphere slides throughout above atan(7/2 mu (1 + e)) = 33."""
+"""Angles from the normal, degrees; a rigid sphere always slides above atan(7/2 mu (1 + e)) = 33."""
 
 
 def on_the_plane(folder, degrees):
@@ -43,7 +43,7 @@ def test_normal_force_follows_hertz_at_every_overlap(tmp_path):
     collision = isolated(collide, tmp_path / "hertz.log", GLASS, 0.01, 10.0)
     modulus = GLASS.young_modulus / (2 * (1 - GLASS.poisson_ratio**2))
     force = 4 / 3 * modulus * math.sqrt(0.005) * collision.overlap**1.5
-    # Positions and forces are of one instant: rounding, as overlaps are differences.
+    # Only rounding, because positions and forces are those of one instant.
     np.testing.assert_allclose(collision.normal_force, force, rtol=1e-6, atol=1e-3)
 
 
@@ -55,7 +55,7 @@ def test_oblique_impact_slides_as_in_chung_and_ooi_test_4(tmp_path, degrees):
     mu, restitution = ALUMINA.friction, ALUMINA.restitution
     assert collision.velocity[2] / normal == pytest.approx(restitution, abs=2e-3)
     rebound = 1 - mu * (1 + restitution) / math.tan(angle)
-    # The last per cent: friction turns for a moment while the contact unloads.
+    # Within one percent: friction reverses for a moment while the contact unloads.
     assert collision.velocity[0] / tangential == pytest.approx(rebound, rel=2e-3)
     spin = 5 / 2 * mu * (1 + restitution) * normal / RADIUS
     assert abs(collision.spin[1]) == pytest.approx(spin, rel=0.01)
@@ -69,7 +69,7 @@ def test_steep_impact_sticks_and_keeps_the_angular_momentum_about_the_contact(tm
     collision = on_the_plane(tmp_path, degrees)
     assert collision.impulse_ratio < 0.95 * ALUMINA.friction
     lost = SPEED * math.sin(math.radians(degrees)) - collision.velocity[0]
-    # 2/5 m r^2 w = m r dv, whatever the tangential force was; its arm is shorter by the overlap.
+    # 2/5 m r^2 w = m r dv for any tangential force; its arm is shorter by the overlap.
     shorter = collision.overlap.max() / RADIUS
     assert abs(collision.spin[1]) * RADIUS == pytest.approx(5 / 2 * lost, rel=shorter)
     energy = np.sum(collision.velocity**2) + 2 / 5 * (RADIUS * collision.spin[1]) ** 2
@@ -80,7 +80,7 @@ def test_normal_impact_on_the_plane_has_the_duration_of_hertz(tmp_path):
     collision = on_the_plane(tmp_path, 0)
     mass = ALUMINA.density * 4 / 3 * math.pi * RADIUS**3
     modulus = ALUMINA.young_modulus / (1 - ALUMINA.poisson_ratio**2) / 1.001
-    # The damping of restitution 0.98 lengthens it by less than a per cent.
+    # The damping of restitution 0.98 makes it longer by less than one percent.
     expected = hertz_contact_time(mass, RADIUS, modulus, SPEED)
     assert collision.contact_time == pytest.approx(expected, rel=0.01)
     np.testing.assert_allclose([collision.velocity[0], *collision.spin], 0.0, atol=1e-9)

@@ -1,4 +1,4 @@
-"""Laws of the grains that are made: Table 2.1, Algorithm 1, Eq 2.3 and the index of Eq 2.1."""
+"""Diameters of grains: Table 2.1, Algorithm 1, Eq 2.3 and the grading index of Eq 2.1."""
 
 import itertools
 import math
@@ -46,7 +46,7 @@ def realise(name, particle_count=3000, seed=0):
         ("binary", 1.117, 1e-3),
         ("fractal-1.0", 1.209, 5e-3),
         ("fractal-1.5", 1.290, 5e-3),
-        # Its few coarsest grains were drawn at random there: Table 2.1 has d_max = 9.3 d_min.
+        # The thesis drew the few largest grains at random: Table 2.1 has d_max = 9.3 d_min.
         ("fractal-2.9", 1.478, 2.5e-2),
     ],
 )
@@ -70,7 +70,7 @@ def test_grading_index_is_the_reported_one(name, reported, tolerance, particle_c
     ],
 )
 def test_diameters_are_those_of_table_2_1(name, d_min, d_max, d50):
-    """In mm; 3 % covers the two digits of the table, 6 % the d_max drawn at random (beta 2.9)."""
+    """The two digits of the table allow 3 %, and its d_max drawn at random (beta 2.9) 6 %."""
     spec, grading = GRADINGS[name], realise(name, 10_000)
     nominal = 1e3 * smallest_diameter(SizeClasses.of(spec), 10_000, solid_volume(10_000))
     assert nominal == pytest.approx(d_min, rel=0.03)
@@ -87,7 +87,7 @@ def test_number_and_solid_volume_are_those_of_the_equal_spheres(name, particle_c
 
 
 def test_grading_index_grows_with_the_fractal_dimension():
-    # At one ratio of largest to smallest size; that of beta = 2.9 is smaller (Table 2.1).
+    # For equal ratios of largest to smallest size; that of beta = 2.9 is smaller (Table 2.1).
     index = [realise(name).grading_index for name in BETAS_RISING[:-1]]
     assert all(a < b for a, b in itertools.pairwise(index))
 
@@ -97,7 +97,7 @@ def test_few_grains_represent_the_grading_of_many(name):
     few, many = realise(name, 3000), realise(name, 100_000)
     assert few.grading_index == pytest.approx(many.grading_index, rel=3e-3)
     assert few.d50 == pytest.approx(many.d50, rel=3e-3)
-    # Only some eight grains in 10,000 lie in the top tenth of beta = 2.9.
+    # For beta = 2.9, only about eight grains of 10,000 are in the top tenth.
     assert few.d_max == pytest.approx(many.d_max, rel=0.04 if name == "fractal-2.9" else 0.02)
 
 
@@ -115,7 +115,7 @@ def test_bisection_finds_the_diameter_that_gives_the_number(spec, particle_count
 @given(fractal_specs)
 @settings(max_examples=40, deadline=None)
 def test_realised_grains_follow_eq_2_3_at_the_interval_ends(spec):
-    """Within an interval Algorithm 1 departs from Eq 2.3, at its ends it may not."""
+    """Algorithm 1 differs from Eq 2.3 within an interval, but not at its ends."""
     particle_count = 20_000
     grading = realise_grading(spec, particle_count, np.random.default_rng(0))
     classes = SizeClasses.of(spec)
@@ -126,7 +126,7 @@ def test_realised_grains_follow_eq_2_3_at_the_interval_ends(spec):
     ordered = np.sort(grading.diameters)
     mass = np.cumsum(ordered**3) / np.sum(ordered**3)
     below = np.interp(ends, ordered / d_min, mass)
-    # A grain that straddles an end moves F by at most its own share of the mass.
+    # A grain at the end of an interval changes F by at most its own mass.
     largest_share = 2.0 * ordered[-1] ** 3 / np.sum(ordered**3)
     np.testing.assert_allclose(below, by_mass, atol=largest_share + 1e-6)
 
@@ -147,7 +147,7 @@ def test_bell_is_normal_by_number():
     low, high = diameters.min(), diameters.max()
     middle = 0.5 * (low + high)
     assert diameters.mean() == pytest.approx(middle, rel=5e-3)
-    # Range / 6, widened a little by the even spread within Algorithm 1's intervals.
+    # Range / 6, slightly increased by the uniform spread within the intervals of Algorithm 1.
     assert diameters.std() == pytest.approx((high - low) / 6.0, rel=0.03)
 
 

@@ -1,4 +1,4 @@
-"""One small campaign from end to end: its data, its continuation, and what it refuses."""
+"""One small campaign from end to end: its data, its continuation, and its errors."""
 
 import contextlib
 import dataclasses
@@ -57,8 +57,8 @@ def result_of(out, test):
 
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory):
-    """Folder of a finished smoke campaign, its dataset and its report; only to be read."""
-    # LIGGGHTS gives most of these characters a meaning, and a line of its input ends early.
+    """Folder of a finished smoke campaign, its file and its report; tests must not change them."""
+    # LIGGGHTS interprets most of these characters, and truncates long input lines.
     out = tmp_path_factory.mktemp("smoke") / f'a b $HOME #x\t"q\'u" & * % ünï 日本 {"n" * 180}'
     path, report = generate(out)
     return out, path, report
@@ -66,7 +66,7 @@ def finished(tmp_path_factory):
 
 @pytest.fixture
 def own(finished, tmp_path):
-    """A copy of the finished campaign's folder."""
+    """A copy of the folder of the finished campaign."""
     return Path(shutil.copytree(finished[0], tmp_path / "own"))
 
 
@@ -102,7 +102,7 @@ def test_every_path_keeps_the_limits_of_the_dataset(dataset):
     assert dataset.stress_ratio_error_rms[held].max() <= LARGEST_RATIO_ERROR
     assert dataset.stress_ratio_error_rms[~held].isnull().all()
     assert 0 < dataset.peak_inertial_number.max() <= LARGEST_INERTIAL_NUMBER
-    # Per record the largest of its chunks, so that of the path is the largest of the records.
+    # A record has the largest of its chunks, so that the largest of the records is that of all.
     np.testing.assert_allclose(
         dataset.inertial_number.max("step"), dataset.peak_inertial_number, rtol=1e-6
     )
@@ -111,14 +111,14 @@ def test_every_path_keeps_the_limits_of_the_dataset(dataset):
 
 
 def test_void_ratio_follows_the_volumetric_strain(dataset):
-    """(1 + e) = (1 + e0) exp(-eps_v): the grains themselves keep their volume."""
+    """(1 + e) = (1 + e0) exp(-eps_v), because the volume of the grains is constant."""
     strain = dataset.strain.sum("component").astype(float)
     start = 1 + dataset.void_ratio.isel(step=0).astype(float)
     # Float32 rounding of e and of three strains up to 0.1.
     np.testing.assert_allclose(
         1 + dataset.void_ratio.astype(float), start * np.exp(-strain), rtol=3e-7
     )
-    # A restart file holds the box edges one time step ahead of the state that it is written for.
+    # The box edges in a restart file are one time step ahead of its state.
     np.testing.assert_allclose(
         dataset.void_ratio.isel(step=0), dataset.initial_void_ratio, rtol=1e-5
     )

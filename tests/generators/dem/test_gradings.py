@@ -1,4 +1,4 @@
-"""Laws of the gradings' shapes: Eq 2.3, its limits, and what no grading can be."""
+"""Shapes of gradings: Eq 2.3, its limits, and invalid gradings."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""The time steps that the grains allow: Table 2.3 of the thesis, Rayleigh's bound."""
+"""Stable time steps: Table 2.3 of the thesis, and the Rayleigh bound."""
 
 import math
 
@@ -20,7 +20,7 @@ GRAINS = ContactMaterial()
     ],
 )  # fmt: skip
 def test_critical_time_steps_are_those_of_table_2_3(smallest_diameter, critical):
-    # The last printed digit: the table rounds down as well as up.
+    # Within the last printed digit, because the table rounds down as well as up.
     last_digit = 10 ** (math.floor(math.log10(critical)) - 2)
     assert GRAINS.critical_time_step(smallest_diameter / 2) == pytest.approx(
         critical, abs=1.01 * last_digit

@@ -1,4 +1,4 @@
-"""Laws of the initial packings: no contact, also across the periodic faces; exact lattices."""
+"""Initial packings: no contact, even across periodic faces; exact lattices."""
 
 import itertools
 import math
@@ -58,11 +58,11 @@ def test_any_loose_set_of_grains_is_placed_without_contact(diameters, seed):
 
 
 def test_positions_are_uniform_over_the_cube():
-    """Random placement has no preferred place: counts in the eight octants would show a bias."""
+    """Grains are equally frequent in the eight octants of the cube."""
     diameters = np.full(2000, 0.01)
     positions, box_edge = place_grains(diameters, 0.25, np.random.default_rng(0))
     counts, _ = np.histogramdd(positions, bins=2, range=[(0.0, box_edge)] * 3)
-    # Repulsion makes the counts steadier than independent draws, whose deviation is 15.
+    # Excluded volume makes the counts vary less than independent draws, whose deviation is 15.
     np.testing.assert_allclose(counts, 250, atol=45)
 
 

@@ -1,4 +1,4 @@
-"""Laws of a test's record: no lag, nothing lost between records, and the dataset's limits."""
+"""The record of a test: no lag, nothing lost between records, and the limits of the dataset."""
 
 import dataclasses
 import itertools
@@ -25,7 +25,7 @@ PRESSURE = 5e5
 PROGRAMME = ConstantMeanStress(pressure=PRESSURE, b=0.5, axial_strain=0.03)
 POSITIONS = np.linspace(0.0, 0.03, 11)
 SLOPE = np.array([4e6, 0.0, -4e6, 3e5, -2e5, 1e5])
-"""Stress per driving length: p and b stay as prescribed."""
+"""Change of stress per driving length, which keeps p and b as prescribed."""
 
 
 def stress_at(position):
@@ -33,7 +33,7 @@ def stress_at(position):
 
 
 def series_of(stress=stress_at, chunks_a_record=3):
-    """What a driver would leave of a test whose stress is that function of the driving length."""
+    """Measurements during a test whose stress is the function `stress_at` of the driving length."""
 
     def chunks(low, high):
         edges = np.linspace(low, high, chunks_a_record + 1)
@@ -54,7 +54,7 @@ def series_of(stress=stress_at, chunks_a_record=3):
 
 @pytest.mark.parametrize("chunks_a_record", [1, 3, 4])
 def test_stress_that_is_linear_in_the_path_is_recorded_without_lag(chunks_a_record):
-    """Though every average is known half a chunk late; the last record is no exception."""
+    """Although every average is known half a chunk late, even at the last record."""
     record = record_of(PROGRAMME, series_of(chunks_a_record=chunks_a_record))
     expected = np.array([stress_at(s) for s in POSITIONS])
     np.testing.assert_allclose(record.stress, expected, rtol=1e-12, atol=1e-6)
@@ -69,7 +69,7 @@ def test_geometry_is_that_of_the_record():
 
 def test_inertial_number_is_the_largest_since_the_last_record():
     record = record_of(PROGRAMME, series_of())
-    # It rises along the path, so the last chunk before each record has the largest.
+    # It increases along the path, so that the last chunk before each record has the largest.
     np.testing.assert_allclose(record.inertial_number[1:], 1e-3 + 1e-2 * POSITIONS[1:])
     assert record.inertial_number[0] == 0
     assert record.peak_inertial_number == record.inertial_number[-1]
@@ -87,7 +87,7 @@ def test_errors_before_the_servo_has_settled_do_not_count():
     late = record_of(PROGRAMME, series_of(lambda s: settling(s, until=4e-3)))
     assert soon.servo_error_rms == pytest.approx(0.0, abs=1e-12)
     assert late.servo_error_rms > LARGEST_SERVO_ERROR
-    # A share of 2 in 28 of the chunks that count is 5 % off.
+    # Of 28 chunks that count, 2 have an error of 5 %.
     assert late.servo_error_rms == pytest.approx(0.05 * np.sqrt(2 / 28), rel=1e-6)
 
 

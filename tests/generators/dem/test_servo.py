@@ -1,4 +1,4 @@
-"""Laws of the servo: it reaches targets on elastic and on plastic bodies, within its limits."""
+"""The servo reaches its targets on elastic and on plastic bodies, within its limits."""
 
 import numpy as np
 import pytest
@@ -75,7 +75,7 @@ def remaining_error(programme, stiffness, drift, chunks=200):
 @given(family=families, b=ratios, softer=st.floats(0.5, 1.5))
 @settings(max_examples=25, deadline=None)
 def test_servo_finds_the_steady_rate_that_dilatancy_needs(family, b, softer):
-    """The plastic flow is one that keeps all stresses: only the integral part can find it."""
+    """The plastic flow changes no stress, so that only the integral part can find it."""
     programme = family(pressure=5e5, b=b)
     flow = DRIVE * np.array([1.0, -0.55, -0.65])
     assert remaining_error(programme, softer * STIFFNESS, flow) < 1e-3

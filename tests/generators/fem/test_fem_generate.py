@@ -1,4 +1,4 @@
-"""A small `fem-*` dataset from its analyses to its file, and what its histories are."""
+"""A small `fem-*` dataset, from its analyses to its file."""
 
 import json
 from functools import partial
@@ -53,7 +53,7 @@ def test_every_variable_is_rounded_once(records) -> None:
 
 
 def test_a_smooth_specimen_has_the_confining_pressure_on_its_sides(records) -> None:
-    """Uniform, it has sigma_xx = p_c(t), but for the waves that its mass makes.
+    """The specimen is uniform, so that sigma_xx = p_c(t), apart from waves due to its mass.
 
     The pressure changes by half of itself within 33 ms here, of which a wave takes 5 to cross.
     """
@@ -73,7 +73,7 @@ def test_a_smooth_specimen_has_the_confining_pressure_on_its_sides(records) -> N
 
 
 def test_the_ground_truth_reproduces_the_recorded_stress(records) -> None:
-    """Up to the size of the steps: a recorded one is some ten of those that made it."""
+    """Up to the error due to the recorded steps, each of which is about ten time steps."""
     cell = ground_truth_cell(records)
     strain = torch.from_numpy(records["strain"].values.astype(np.float64))
     with torch.no_grad():

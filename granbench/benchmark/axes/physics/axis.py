@@ -28,7 +28,7 @@ from granbench.benchmark.scored_records import ScoredPredictions
 from granbench.benchmark.section_file import section_file
 from granbench.data.markdown import table
 from granbench.errors import SubmissionError
-from granbench.tensors import component_order, normal_mask
+from granbench.tensors import component_order, contraction_weights
 
 if TYPE_CHECKING:
     from granbench.benchmark.evaluation_run import EvaluationRun
@@ -171,7 +171,7 @@ def _violation(name: str, scored: ScoredPredictions) -> np.ndarray:
     normalisation = scored.normalisation
     response = scored.predictions[RESPONSE.get(name, STRESS_CHANGE)]
     order = component_order(tuple(scored.task.components))
-    count = 2.0 - np.asarray(normal_mask(order))  # a shear component stands twice in the tensor
+    count = np.asarray(contraction_weights(order))
     if response.name == STRESS_CHANGE:
         change = response.sel(check=name).values.astype(np.float64)
         if name.startswith("substeps"):

@@ -5,7 +5,7 @@ from torch import Tensor
 
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.cells.robust_runs import robust_rollout
-from granbench.tensors import normal_mask
+from granbench.tensors import contraction_weights
 
 
 def cycle_work(cell: MaterialCell, strain: Tensor, conditions: Conditions) -> Tensor:
@@ -29,6 +29,6 @@ def cycle_work(cell: MaterialCell, strain: Tensor, conditions: Conditions) -> Te
     cycle = torch.cat([strain, back], dim=1)
     stress = robust_rollout(cell, torch.cat([cycle, cycle[:, 1:]], dim=1), conditions)["stress"]
     second = stress[:, cycle.shape[1] - 1 :]
-    count = 2.0 - torch.tensor(normal_mask(cell.order), dtype=torch.float64)
+    weights = torch.tensor(contraction_weights(cell.order), dtype=torch.float64)
     mean = 0.5 * (second[:, 1:] + second[:, :-1])
-    return (mean * cycle.diff(dim=1) * count).sum(dim=(1, 2))
+    return (mean * cycle.diff(dim=1) * weights).sum(dim=(1, 2))
