@@ -225,7 +225,7 @@ def same_scores(one: Sequence[Score], other: Sequence[Score]) -> bool:
 
 
 def _mean_errors(scores: Sequence[Score]) -> dict[tuple[str, ...], tuple[float, ...]]:
-    found = {}
+    found: dict[tuple[str, ...], tuple[float, ...]] = {}
     for score in scores:
         metric = find_metric(score.axis, score.metric)
         compared = metric is not None and metric.finds_copies and not _seeded(score)

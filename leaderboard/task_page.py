@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from granbench.benchmark.presentation import BoardView
+from granbench.benchmark.presentation import Block, BoardView
 from granbench.benchmark.registry import axes, find_part
 from granbench.benchmark.scorecard import ALL
 from granbench.benchmark.task_summary import shortages_of_scores
@@ -119,7 +119,7 @@ def _sections(
                     block.heading,
                     block.split,
                     block.metric,
-                    block.table and board_table(block.table, submissions, block.split, errors),
+                    _table(block, submissions, errors),
                     tuple(drawn_chart(chart, names) for chart in block.charts),
                     block.full,
                 )
@@ -129,6 +129,14 @@ def _sections(
         )
         for section in sections(view)
     ]
+
+
+def _table(
+    block: Block, submissions: Sequence[Submission], errors: PathErrorsByName
+) -> Table | None:
+    if block.table is None:
+        return None
+    return board_table(block.table, submissions, block.split, errors)
 
 
 def _metrics(view: BoardView) -> dict[str, str]:

@@ -21,7 +21,7 @@ would only repeat the two values."""
 
 @dataclass(frozen=True)
 class Resampling:
-    """How often each path appears in each resample.
+    """Number of times that each path appears in each resample.
 
     Parameters
     ----------

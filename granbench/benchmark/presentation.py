@@ -1,4 +1,4 @@
-"""What an axis shows of scores: tables, charts and sections, whoever draws them.
+"""What an axis shows of scores: tables, charts and sections, however they are drawn.
 
 The terminal (`granbench.cli.score_tables`) and the board (`granbench.leaderboard`) turn these
 into rich tables and into HTML.

@@ -4,7 +4,7 @@ import xarray as xr
 
 from granbench.benchmark.comparison import align
 from granbench.benchmark.metric import METRIC_VERSION
-from granbench.benchmark.registry import axes, find_part
+from granbench.benchmark.registry import axes, find_part, plugged_in_axes
 from granbench.benchmark.scorecard import ALL, Curve, Scales, Score, Scorecard, rounded
 from granbench.benchmark.scored_records import ScoredPredictions, ScoredRecords
 from granbench.benchmark.splits import split_order
@@ -86,8 +86,13 @@ def score(
 
 
 def _of_task(score: Score, task: Task | None) -> Score:
-    """The score, which does not apply if the task leaves its axis out."""
+    """The score, which does not apply if the task leaves its axis out.
+
+    An axis of another package is part of no task; where it was run, its scores are kept.
+    """
     if task is None or score.axis in task.axes or score.status == "not_applicable":
+        return score
+    if score.status == "scored" and score.axis in plugged_in_axes():
         return score
     place = score.model_dump(include={"axis", "protocol", "split", "group", "metric", "unit", "n"})
     reason = f"this task does not have the axis {score.axis}"
@@ -96,4 +101,4 @@ def _of_task(score: Score, task: Task | None) -> Score:
 
 def _is_of_task(curve: Curve, task: Task | None) -> bool:
     part = find_part(curve.protocol)
-    return task is None or part is None or part.axis in task.axes
+    return task is None or part is None or part.axis in {*task.axes, *plugged_in_axes()}

@@ -83,9 +83,11 @@ def glossary(axis: Axis, board: BoardView) -> Iterator[tuple[str, str]]:
         for model in board.models
         for score in model.scores
     ):
-        for item in (*axis.parts, *axis.metrics()):
-            if item.definition:
-                yield item.title, item.definition
+        for part in axis.parts:
+            if part.definition:
+                yield part.title, part.definition
+        for metric in axis.metrics():
+            yield metric.title, metric.definition
 
 
 def plugged_in_definitions(axis: Axis) -> Iterator[tuple[str, str]]:

@@ -158,7 +158,7 @@ class PathErrors:
         broken = self.broken
         if self.void_ratio is not None:
             broken = broken | ~np.isfinite(self.void_ratio)
-        return broken.any(axis=-1)
+        return np.asarray(broken.any(axis=-1))
 
     @cached_property
     def against_noised_truth(self) -> "ErrorsAgainstNoisedTruth":

@@ -78,7 +78,7 @@ def _starts(cell: MaterialCell, dataset: xr.Dataset) -> tuple[Tensor, Tensor]:
 
 
 def _batch(increments: Tensor, states: Tensor, points: int) -> tuple[Tensor, Tensor]:
-    """Evenly spread points, as often as needed, each component contiguous over the points."""
+    """Evenly spread points, repeated where needed, each component contiguous over the points."""
     chosen = torch.linspace(0, len(states) - 1, points).long()
     return increments[chosen].T.contiguous().T, states[chosen].T.contiguous().T
 

@@ -35,7 +35,7 @@ UPDATES = 60
 given up. Classical models need two to four."""
 
 CUTS = 4
-"""How often a load step may be halved: a model that needs more has failed in it."""
+"""Number of times a load step may be halved; a model that needs more has failed in it."""
 
 CURVES = {
     "reaction": "reaction",
@@ -48,7 +48,7 @@ TIMES = ("seconds", "cell_seconds")
 FAILURE = "failure"
 
 REPEATS, PATIENCE = 3, 2.0
-"""How often an analysis is made for its time, unless the runs take longer than this, CPU s."""
+"""Number of runs of an analysis for its time, unless they take longer than this, CPU s."""
 
 
 def analysis_start(cell: MaterialCell, task: ScoredRecords) -> Conditions:
@@ -142,7 +142,7 @@ def _analysed(
     metered = TimedCell(cell, limit)
     start = internals_at_start(truth, analysis.confinement)
     begin = time.process_time()
-    # `predict` has checked the cell, which must not count as calls or time of the analysis.
+    # The cell was checked before; a check here would count as calls and time of the analysis.
     result = run(problem, metered, solver=settings, mesh=analysis.mesh, scalars=start, check=False)
     seconds = time.process_time() - begin
     if isinstance(result.failure, KeyboardInterrupt):

@@ -1,4 +1,4 @@
-"""What the physics axis checks: each law, the unit of its violation and what is still allowed.
+"""The laws that the physics axis checks, the unit of each violation and the tolerance.
 
 Every check drives the cell through the one contract, from the start of recorded paths along their
 true strain; no true stress enters. The cell itself runs along the path, so that the states at
@@ -84,8 +84,8 @@ CHECKS: dict[str, Check] = {
             "of it, divided by the change of stress that the increment would make at the "
             "stiffness of the training data, a standard deviation of stress over one of strain",
             0.05,
-            "implicit return mappings are off by up to 0.04 at such an increment, for the strain "
-            "turns the stress while it grows",
+            "implicit return mappings are off by up to 0.04 at such an increment, because the "
+            "strain turns the stress while it grows",
         ),
         _check(
             "substeps-100",
@@ -144,7 +144,7 @@ NO_TANGENT = (
     "the model gives torch no gradients",
     "the tangent of the model fails",
 )
-"""Beginnings of what `tangent` (beside this module) says of models without a tangent."""
+"""How the reasons begin that `tangent` (beside this module) gives for models without a tangent."""
 
 STRESS_CHECKS = ("zero-increment", "substeps-10", "substeps-100", "rotation", "swap")
 """Those that measure a change of stress, Pa, which scoring divides by standard deviations."""

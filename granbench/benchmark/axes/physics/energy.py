@@ -1,4 +1,4 @@
-"""Work over closed strain cycles: what a material gives away there, it must have been given."""
+"""Work over closed strain cycles: a material cannot give work away cycle after cycle."""
 
 import torch
 from torch import Tensor
@@ -12,8 +12,9 @@ def cycle_work(cell: MaterialCell, strain: Tensor, conditions: Conditions) -> Te
     """Net work of the second of two identical strain cycles: the path and the same way back.
 
     W = closed integral of sigma : d eps, by the trapezoidal rule. In an elastic cycle it is
-    exactly zero, for the way back meets the stresses of the way out. The first cycle lets go what
-    was stored at the start; a material whose second cycle gives work away would do so for ever.
+    exactly zero, because the way back meets the stresses of the way out. The first cycle releases
+    what was stored at the start; a material whose second cycle gives work away would do so for
+    ever.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The physics axis: what a cell answers when it is asked for what no record shows.
+"""Responses of a cell to the checks of the physics axis.
 
 `granbench.benchmark.axes.physics.checks` says what each check measures; here its raw responses are
 made, which `axis` (beside this module) turns into violations.
@@ -40,7 +40,7 @@ from granbench.models.ground_truth import holds_no_tension
 from granbench.tensors import frobenius_norm, mean_stress
 
 ROUNDING = 1e-6
-"""Tension below this share of a path's largest mean stress is none."""
+"""Tension below this share of a path's largest mean stress is rounding and not counted."""
 
 
 def physics(cell: MaterialCell, dataset: xr.Dataset) -> xr.Dataset:

@@ -1,4 +1,4 @@
-"""Whole paths in turned or exchanged axes: an isotropic material answers in the same axes."""
+"""Whole paths in turned or exchanged axes: an isotropic material gives the turned stress."""
 
 import math
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ ANGLE = math.radians(30.0)
 def turn(order: str) -> np.ndarray | None:
     """The rotation by 30 degrees that is tried; None where the axes cannot be turned.
 
-    In the plane about its normal, else about an axis that is none of symmetry.
+    In the plane about its normal, else about an axis that is not an axis of symmetry.
     """
     if order == "principal":
         return None

@@ -143,14 +143,17 @@ def measured_table(models: Sequence[ModelView]) -> str:
     for check in CHECKS.values():
         cells = [f"`{check.name}`"]
         for model in models:
-            worst = [
+            violations = [
                 score.value
                 for score in model.scores
                 if (score.protocol, score.metric) == (check.name, WORST_VIOLATION)
                 and score.value is not None
             ]
-            shown = f"{max(worst):.1e}" if worst and max(worst) else "0"
-            beyond = worst and max(worst) > check.tolerance
-            cells.append(f"**{shown}**" if beyond else shown if worst else "n/a")
+            if not violations:
+                cells.append("n/a")
+                continue
+            worst = max(violations)
+            shown = f"{worst:.1e}" if worst else "0"
+            cells.append(f"**{shown}**" if worst > check.tolerance else shown)
         rows.append(cells)
     return table(["check", *(f"`{model.name}` on `{model.task}`" for model in models)], rows)
