@@ -15,11 +15,11 @@ from granbench.benchmark.metric import METRIC_VERSION
 from granbench.benchmark.predictions import evaluated, open_predictions
 from granbench.benchmark.registry import axes
 from granbench.benchmark.scorecard import Curve, Score
-from granbench.benchmark.scored_records import ScoredPredictions, ScoredRecords
+from granbench.benchmark.scored_task import ScoredPredictions, ScoredTask
 from granbench.benchmark.scoring import score
-from granbench.benchmark.splits import split_order
 from granbench.benchmark.task import Task
 from granbench.data.normalisation import Normalisation
+from granbench.data.splits import split_names
 from granbench.leaderboard.rerunning import rerun
 from granbench.leaderboard.rows import accepted, default_folder
 from granbench.leaderboard.sealing import sealed
@@ -100,10 +100,10 @@ def _supported_intervals(records: xr.Dataset, task: Task) -> set[tuple[str, str,
     """Protocol, split and group of scores of enough specimens for an interval."""
     tested = evaluated(records)
     normalisation = Normalisation.from_training(records)
-    scored = ScoredPredictions(xr.Dataset(), ScoredRecords.of(tested, task), normalisation)
+    scored = ScoredPredictions(xr.Dataset(), ScoredTask.of(tested, task), normalisation)
     return {
         (part.name, split, group.name)
-        for split in split_order(tested["split"].values.astype(str))
+        for split in split_names(tested)
         for axis in axes()
         for part, group in axis.places(scored, split)
         if group.resampling is not None and group.resampling.specimens >= MINIMUM_SPECIMENS

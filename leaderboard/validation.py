@@ -9,7 +9,7 @@ from granbench.benchmark.evaluation_run import SeedProgress
 from granbench.benchmark.metric import METRIC_VERSION
 from granbench.benchmark.predictions import evaluated, open_predictions
 from granbench.benchmark.registry import axes
-from granbench.benchmark.scored_records import ScoredPredictions
+from granbench.benchmark.scored_task import ScoredPredictions
 from granbench.benchmark.scoring import score, scored_predictions
 from granbench.benchmark.task import Task
 from granbench.data.normalisation import Normalisation

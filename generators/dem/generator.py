@@ -108,9 +108,7 @@ def _planned(plans: Sequence[TestPlan]) -> dict[str, ArrayLike]:
         "loading_family": [plan.programme.loading_family for plan in plans],
         "programme": [plan.programme.model_dump_json() for plan in plans],
         "initial_mean_stress": [plan.programme.pressure for plan in plans],
-        "intermediate_stress_ratio": [
-            plan.programme.b if hasattr(plan.programme, "b") else np.nan for plan in plans
-        ],
+        "intermediate_stress_ratio": [plan.programme.intermediate_stress_ratio for plan in plans],
     }
 
 

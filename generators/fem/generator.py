@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granbench import __version__
-from granbench.fem.build import build_problem
+from granbench.fem.stated_problem import build_problem
 from granbench.fem.statement import EMBEDDED_ANALYSES, as_attribute
 from granbench.generators.assembly import Assembled, read_arrays
 from granbench.generators.campaign import Job

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from granbench.errors import AnalysisError
 from granbench.fem import run
-from granbench.fem.build import build_problem
 from granbench.fem.problems.biaxial import HEIGHT, Biaxial
+from granbench.fem.stated_problem import build_problem
 from granbench.fem.statement import spread_points
 from granbench.generators.fem.plan import AnalysisPlan
 from granbench.generators.rounding import recorded

@@ -21,7 +21,7 @@ from granbench.benchmark.axis_parts import Group, Highlight, Part, PathSample, S
 from granbench.benchmark.metric import Metric, NotApplicable
 from granbench.benchmark.presentation import BoardView, ModelView, Section, TextTable
 from granbench.benchmark.scorecard import ALL, Curve, Score, rounded
-from granbench.benchmark.scored_records import ScoredPredictions, ScoredRecords
+from granbench.benchmark.scored_task import ScoredPredictions, ScoredTask
 
 if TYPE_CHECKING:
     from granbench.benchmark.evaluation_run import EvaluationRun
@@ -93,7 +93,7 @@ class Axis(ABC):
 
     # How it predicts
 
-    def obstacle(self, task: ScoredRecords, reads_records: bool = False) -> str | None:
+    def obstacle(self, task: ScoredTask, reads_records: bool = False) -> str | None:
         """Why the axis does not apply to a task or a kind of model, or None.
 
         Parameters
@@ -125,7 +125,7 @@ class Axis(ABC):
         return 1
 
     def start(
-        self, cell: "MaterialCell", task: ScoredRecords
+        self, cell: "MaterialCell", task: ScoredTask
     ) -> "tuple[Conditions] | tuple[Conditions, Any] | None":
         """Where a cell starts on this axis, for the check of the cell.
 

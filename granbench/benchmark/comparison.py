@@ -5,6 +5,7 @@ import xarray as xr
 
 from granbench.errors import SubmissionError
 from granbench.records.rounding import keep_mantissa
+from granbench.tensors import is_normal
 
 KEEP_BITS = 15
 """Stored mantissa bits: a relative rounding error of at most 2^-16 = 1.5e-5, about five digits.
@@ -109,8 +110,8 @@ def relative_error(
     components : their labels
     broken : (...,), where there is no prediction; it counts as `CEILING`
     """
-    # A shear component stands twice in the tensor: "12" and "21".
-    weight = np.array([1.0 if label[0] == label[1] else 2.0 for label in components])
+    # A shear component stands twice in the tensor.
+    weight = np.array([1.0 if is_normal(label) else 2.0 for label in components])
     error = np.sqrt((weight * (predicted - true) ** 2).sum(axis=-1))
     norm = np.sqrt((weight * true**2).sum(axis=-1))
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -14,7 +14,7 @@ from granbench.benchmark.evaluation_run import EvaluationRun, SeedProgress
 from granbench.benchmark.predictions import CELL_NOTES, assembled_predictions
 from granbench.benchmark.registry import axes as registered_axes
 from granbench.benchmark.registry import chosen_axes
-from granbench.benchmark.scored_records import ScoredRecords
+from granbench.benchmark.scored_task import ScoredTask
 from granbench.benchmark.task import Task
 from granbench.cells.check import CellCheck, checked_cell, spread_rows
 from granbench.cells.check.snapshot import changed, snapshot
@@ -68,7 +68,7 @@ def predict(
         raise ConfigurationError("there is nothing to evaluate: give at least one seed")
     for cell in cells.values():
         _check_order(cell, dataset)
-    scored = ScoredRecords.of(dataset, task)
+    scored = ScoredTask.of(dataset, task)
     run = EvaluationRun(cells, scored, chosen, training_seconds or {})
     if progress is not None:
         run = replace(run, report=progress)

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import xarray as xr
 
-from granbench.benchmark.scored_records import ScoredRecords
+from granbench.benchmark.scored_task import ScoredTask
 from granbench.cells.contract import MaterialCell
 from granbench.cells.user_code import user_code
 
@@ -34,7 +34,7 @@ class EvaluationRun:
     """
 
     cells: Mapping[int, MaterialCell]
-    task: ScoredRecords
+    task: ScoredTask
     axes: tuple[str, ...]
     training_seconds: Mapping[int, float] = field(default_factory=dict)
     report: SeedProgress = _say_nothing

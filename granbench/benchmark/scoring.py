@@ -6,10 +6,10 @@ from granbench.benchmark.comparison import align
 from granbench.benchmark.metric import METRIC_VERSION
 from granbench.benchmark.registry import axes, find_part, plugged_in_axes
 from granbench.benchmark.scorecard import ALL, Curve, Scales, Score, Scorecard, rounded
-from granbench.benchmark.scored_records import ScoredPredictions, ScoredRecords
-from granbench.benchmark.splits import split_order
+from granbench.benchmark.scored_task import ScoredPredictions, ScoredTask
 from granbench.benchmark.task import Task
 from granbench.data.normalisation import Normalisation
+from granbench.data.splits import split_names
 
 
 def scored_predictions(
@@ -35,7 +35,7 @@ def scored_predictions(
     """
     return ScoredPredictions(
         predictions,
-        ScoredRecords.of(align(truth, predictions), task),
+        ScoredTask.of(align(truth, predictions), task),
         normalisation,
         lambda scored: all(axis.is_truth(scored) for axis in axes()),
     )
@@ -65,7 +65,7 @@ def score(
     scored = scored_predictions(predictions, truth, normalisation, task)
     for axis in axes():
         axis.check(scored)
-    splits = (*split_order(scored.records["split"].values.astype(str)), ALL)
+    splits = (*split_names(scored.records), ALL)
     std = normalisation.std
     return Scorecard(
         metric_version=METRIC_VERSION,

@@ -14,8 +14,9 @@ from granbench.cells.check import checked_cell, spread_rows
 from granbench.cells.contract import MaterialCell
 from granbench.errors import AnalysisError, ConfigurationError
 from granbench.fem.assembled_loading import AssembledLoading, assemble_loading
+from granbench.fem.cell_failure import CellFailure
 from granbench.fem.explicit import OnStep, solve_explicit
-from granbench.fem.gauss_points import GaussPoints
+from granbench.fem.gauss_points import GaussPoints, MaterialFailure
 from granbench.fem.implicit import solve_implicit
 from granbench.fem.implicit_settings import ImplicitSettings
 from granbench.fem.mesh import Floats, PlaneMesh
@@ -23,10 +24,9 @@ from granbench.fem.operators import ORDER, Operators, build_operators
 from granbench.fem.problems import Problem, find_problem
 from granbench.fem.remarks import remarks
 from granbench.fem.result import Analysis, Recorder
+from granbench.fem.statement import SOLVERS
 from granbench.fem.time_step import ExplicitSettings
 from granbench.tensors import mean_stress
-
-SOLVERS = ("explicit", "implicit")
 
 Settings = ExplicitSettings | ImplicitSettings
 
@@ -103,7 +103,7 @@ def run(
         "mesh": mesh_name or "given",
         "mesh_notes": json.dumps(mesh.notes),
         "completed": int(failure is None),
-        "failed_step": getattr(failure, "step", -1),
+        "failed_step": failure.step if isinstance(failure, CellFailure | MaterialFailure) else -1,
         "initial_imbalance": points.initial_imbalance,
         "notes": "\n".join(passed.notes) if passed else "",
     }

@@ -23,7 +23,7 @@ from granbench.benchmark.axes.embedded.axis import AXIS, EMBEDDED_FAILURES, EMBE
 from granbench.benchmark.evaluation import predict
 from granbench.benchmark.predictions import evaluated
 from granbench.benchmark.scorecard import Scorecard
-from granbench.benchmark.scored_records import ScoredRecords
+from granbench.benchmark.scored_task import ScoredTask
 from granbench.benchmark.scoring import score
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.cells.find import find_cells
@@ -124,7 +124,7 @@ def test_the_time_of_an_analysis_is_that_of_its_fastest_run(monkeypatch) -> None
 
     monkeypatch.setattr(module, "run", counted)
     records = embedding_records(analyses=(SMOOTH,))
-    found = module.embedded(cell(Elastic(0.8)), ScoredRecords(records, (SMOOTH,)))
+    found = module.embedded(cell(Elastic(0.8)), ScoredTask(records, (SMOOTH,)))
     # Two to warm up, then three each: these take a fraction of a second.
     assert len(runs) == 2 + len(SOLVERS) * 3
     assert (found["embedded_cell_seconds"] < found["embedded_seconds"]).all()

@@ -24,7 +24,7 @@ from granbench.data.registry import entry
 from granbench.data.splits import select_split, split_names
 from granbench.errors import ConfigurationError, DatasetError, RegistryError
 from granbench.fem import PROBLEMS
-from granbench.fem.build import build_problem
+from granbench.fem.stated_problem import build_problem
 from granbench.fem.statement import EMBEDDED_ANALYSES, EmbeddedAnalysis
 from granbench.leaderboard.submission import read_submission
 from granbench.models.ground_truth import ground_truth_cell

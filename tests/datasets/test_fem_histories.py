@@ -10,14 +10,14 @@ import xarray as xr
 from gp_records import principal_stress, series
 
 from granbench.benchmark.axes.embedded.predict import embedded_truth
-from granbench.benchmark.scored_records import ScoredRecords
+from granbench.benchmark.scored_task import ScoredTask
 from granbench.benchmark.task_registry import registered_task
 from granbench.data import entry, load, split_hash
 from granbench.data.adapters import conditions_of
 from granbench.data.fetch import checkout_datasets
 from granbench.data.normalisation import Normalisation
 from granbench.data.splits import leak_report, select_split
-from granbench.fem.build import build_problem
+from granbench.fem.stated_problem import build_problem
 from granbench.generators.fem.design import DATASETS, PRESETS
 from granbench.generators.fem.plan import planned_analyses
 from granbench.generators.find import find_generator
@@ -165,7 +165,7 @@ def test_the_embedded_analyses_of_the_task_are_analyses_of_the_records(name: str
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_the_ground_truth_finishes_every_embedded_analysis(name: str) -> None:
-    found = embedded_truth(ScoredRecords(shipped(name), registered_task(name).analyses))
+    found = embedded_truth(ScoredTask(shipped(name), registered_task(name).analyses))
     for variable in ("embedded_truth_reaction", "embedded_truth_stress"):
         assert np.isfinite(found[variable].values).all()
     pushed, slow = (found["embedded_truth_reaction"].sel(solver=solver).max("output")

@@ -6,7 +6,7 @@ from collections import Counter
 import pytest
 from pydantic import ValidationError
 
-from granbench.fem.build import build_problem
+from granbench.fem.stated_problem import build_problem
 from granbench.fem.statement import EmbeddedAnalysis, as_attribute
 from granbench.generators.fem.design import DATASETS, PRESETS, FemPreset
 from granbench.generators.fem.plan import AnalysisPlan, embedded_analyses_of, planned_analyses

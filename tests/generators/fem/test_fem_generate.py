@@ -13,7 +13,7 @@ from granbench.cells.contract import ModuleCell
 from granbench.data.adapters import conditions_of
 from granbench.data.splits import leak_report
 from granbench.errors import AnalysisError
-from granbench.fem.build import build_problem
+from granbench.fem.stated_problem import build_problem
 from granbench.generators.fem import generator as generator_module
 from granbench.generators.fem import jobs as jobs_module
 from granbench.generators.fem.design import DATASETS, PRESETS

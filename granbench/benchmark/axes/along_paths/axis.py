@@ -28,10 +28,10 @@ from granbench.benchmark.axis import Axis, Group, Highlight, Part, Stored
 from granbench.benchmark.bootstrap import Resampling, weighted_mean
 from granbench.benchmark.presentation import BoardView, ModelView, Section, TextTable
 from granbench.benchmark.scorecard import ALL, Curve, rounded
-from granbench.benchmark.scored_records import ScoredPredictions
+from granbench.benchmark.scored_task import ScoredPredictions
 from granbench.benchmark.section_file import section_file
-from granbench.benchmark.splits import split_order
 from granbench.benchmark.tolerance import TRUTH_TOLERANCE
+from granbench.data.splits import split_names
 from granbench.errors import SubmissionError
 
 if TYPE_CHECKING:
@@ -200,7 +200,7 @@ class AlongPaths(Axis):
         """See `Axis.curves`: the headline error against the steps since truth was given."""
         splits = scored.records["split"].values.astype(str)
         specimens = scored.records["specimen"].values
-        for split in split_order(splits):
+        for split in split_names(scored.records):
             rows = np.flatnonzero(splits == split)
             resampling = Resampling.by_specimen(specimens[rows])
             for spec in PROTOCOLS.values():

@@ -14,7 +14,7 @@ from granbench.benchmark.comparison import (
     squared_error,
 )
 from granbench.benchmark.metric import NotApplicable
-from granbench.benchmark.scored_records import NO_GROUND_TRUTH, ScoredPredictions
+from granbench.benchmark.scored_task import NO_GROUND_TRUTH, ScoredPredictions
 
 READS_RECORDS = "the model reads its answers from the records, which have none for noised strain"
 NO_VOID_RATIO = "the model does not predict the void ratio"

@@ -17,7 +17,7 @@ from granbench.benchmark.axes.along_paths.protocols import (
 )
 from granbench.benchmark.axes.along_paths.single_step import single_step
 from granbench.benchmark.evaluation_run import EvaluationRun
-from granbench.benchmark.scored_records import ScoredRecords
+from granbench.benchmark.scored_task import ScoredTask
 from granbench.cells.contract import MaterialCell
 from granbench.cells.robust_runs import Series
 
@@ -87,7 +87,7 @@ def labelled(predicted: dict[str, np.ndarray], protocols: list[str]) -> xr.Datas
 
 
 @torch.no_grad()
-def noised_truth(task: ScoredRecords, spec: ProtocolSpec, seed: int) -> np.ndarray:
+def noised_truth(task: ScoredTask, spec: ProtocolSpec, seed: int) -> np.ndarray:
     """What the ground truth says along the strain that a noise protocol gives to a model.
 
     Parameters

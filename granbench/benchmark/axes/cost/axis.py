@@ -29,7 +29,7 @@ from granbench.benchmark.presentation import (
 )
 from granbench.benchmark.score_text import cell, written
 from granbench.benchmark.scorecard import ALL
-from granbench.benchmark.scored_records import ScoredPredictions
+from granbench.benchmark.scored_task import ScoredPredictions
 from granbench.benchmark.section_file import section_file
 from granbench.benchmark.standard_tables import plugged_in_definitions
 from granbench.data.markdown import table

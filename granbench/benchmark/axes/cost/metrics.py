@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from granbench.benchmark.metric import Metric, NotApplicable, Statistic
-from granbench.benchmark.scored_records import NO_GROUND_TRUTH, ScoredPredictions
+from granbench.benchmark.scored_task import NO_GROUND_TRUTH, ScoredPredictions
 from granbench.benchmark.tolerance import CLOCK
 
 NAME = "cost"

@@ -20,7 +20,7 @@ from granbench.benchmark.axis import Axis, Group, Highlight, Part, Stored
 from granbench.benchmark.metric import NotApplicable
 from granbench.benchmark.presentation import BoardView, ModelView, Section, TextTable
 from granbench.benchmark.scorecard import ALL, Curve, Score, rounded
-from granbench.benchmark.scored_records import ScoredPredictions, ScoredRecords
+from granbench.benchmark.scored_task import ScoredPredictions, ScoredTask
 from granbench.benchmark.section_file import section_file
 from granbench.benchmark.tolerance import CLOCK_FACTOR, TRUTH_TOLERANCE
 from granbench.errors import SubmissionError
@@ -114,7 +114,7 @@ class Embedded(Axis):
         "embedded_truth_cell_seconds": Stored(_ANALYSES, "s", "CPU time in the ground truth alone"),
     }
 
-    def obstacle(self, task: ScoredRecords, reads_records: bool = False) -> str | None:
+    def obstacle(self, task: ScoredTask, reads_records: bool = False) -> str | None:
         """See `Axis.obstacle`."""
         if not task.analyses:
             return NO_ANALYSES
@@ -136,7 +136,7 @@ class Embedded(Axis):
             {EMBEDDED_OBSTACLE: "", EMBEDDED_FAILURES: json.dumps(reasons, sort_keys=True)}
         )
 
-    def start(self, cell: "MaterialCell", task: ScoredRecords) -> "tuple[Conditions] | None":
+    def start(self, cell: "MaterialCell", task: ScoredTask) -> "tuple[Conditions] | None":
         """See `Axis.start`: Gauss points start where the first analysis does."""
         if self.obstacle(task, cell.reads_records):
             return None
@@ -293,7 +293,7 @@ class Embedded(Axis):
         return section_file(self, __file__)
 
 
-def _analyses(task: ScoredRecords, solver: str) -> list[str]:
+def _analyses(task: ScoredTask, solver: str) -> list[str]:
     """Names of the analyses of a task that are made with a solver."""
     return [analysis.name for analysis in task.analyses if solver in analysis.solvers]
 

@@ -15,14 +15,14 @@ import torch
 import xarray as xr
 
 from granbench.benchmark.axes.embedded.timed_cell import TimedCell
-from granbench.benchmark.scored_records import ScoredRecords
+from granbench.benchmark.scored_task import ScoredTask
 from granbench.cells.check import POINTS
 from granbench.cells.contract import Conditions, MaterialCell
 from granbench.errors import ConfigurationError
 from granbench.fem import ExplicitSettings, ImplicitSettings, run
 from granbench.fem.analysis import settings_for
-from granbench.fem.build import build_problem
 from granbench.fem.cell_failure import CellFailure
+from granbench.fem.stated_problem import build_problem
 from granbench.fem.statement import SOLVERS, EmbeddedAnalysis, spread_points
 from granbench.models.classical import ClassicalCell
 from granbench.models.isotropic_start import internals_at_start
@@ -51,7 +51,7 @@ REPEATS, PATIENCE = 3, 2.0
 """Number of runs of an analysis for its time, unless they take longer than this, CPU s."""
 
 
-def analysis_start(cell: MaterialCell, task: ScoredRecords) -> Conditions:
+def analysis_start(cell: MaterialCell, task: ScoredTask) -> Conditions:
     """What is known of a few Gauss points where the first analysis of a task begins."""
     pressure = task.analyses[0].confinement
     start = internals_at_start(task.require_ground_truth(), pressure)
@@ -63,7 +63,7 @@ def analysis_start(cell: MaterialCell, task: ScoredRecords) -> Conditions:
     return Conditions(stress, known)
 
 
-def embedded(cell: MaterialCell, task: ScoredRecords) -> xr.Dataset:
+def embedded(cell: MaterialCell, task: ScoredTask) -> xr.Dataset:
     """Every analysis of a task, with a model.
 
     Parameters
@@ -81,7 +81,7 @@ def embedded(cell: MaterialCell, task: ScoredRecords) -> xr.Dataset:
     return _every_analysis(cell, task, "embedded_")
 
 
-def embedded_truth(task: ScoredRecords) -> xr.Dataset:
+def embedded_truth(task: ScoredTask) -> xr.Dataset:
     """As `embedded`, with the ground truth itself; the names begin with `embedded_truth_`.
 
     Raises
@@ -93,7 +93,7 @@ def embedded_truth(task: ScoredRecords) -> xr.Dataset:
     return found.drop_vars(FAILURE)
 
 
-def _every_analysis(cell: MaterialCell, task: ScoredRecords, prefix: str) -> xr.Dataset:
+def _every_analysis(cell: MaterialCell, task: ScoredTask, prefix: str) -> xr.Dataset:
     truth, analyses = task.require_ground_truth(), task.analyses
     with _one_thread():
         _warm_up(cell, analyses[0], truth)

@@ -21,7 +21,7 @@ from granbench.benchmark.axes.physics.checks import (
     ROTATION,
     TANGENT,
 )
-from granbench.benchmark.scored_records import ScoredPredictions
+from granbench.benchmark.scored_task import ScoredPredictions
 from granbench.errors import SubmissionError
 from granbench.tensors import COMPONENT_ORDERS
 

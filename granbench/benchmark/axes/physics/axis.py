@@ -24,7 +24,7 @@ from granbench.benchmark.comparison import clipped
 from granbench.benchmark.metric import NotApplicable
 from granbench.benchmark.presentation import BoardView, ModelView, Section, TextTable
 from granbench.benchmark.scorecard import ALL
-from granbench.benchmark.scored_records import ScoredPredictions
+from granbench.benchmark.scored_task import ScoredPredictions
 from granbench.benchmark.section_file import section_file
 from granbench.data.markdown import table
 from granbench.errors import SubmissionError

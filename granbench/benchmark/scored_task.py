@@ -23,8 +23,8 @@ NO_GROUND_TRUTH = "this task has no ground-truth cell"
 
 
 @dataclass(frozen=True)
-class ScoredRecords:
-    """The records that a model is evaluated on, with what the task says of them.
+class ScoredTask:
+    """What an evaluation sees of a task: the scored records, their ground truth, the analyses.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class ScoredRecords:
     analyses: "tuple[EmbeddedAnalysis, ...]" = ()
 
     @classmethod
-    def of(cls, records: xr.Dataset, task: "Task | None") -> "ScoredRecords":
+    def of(cls, records: xr.Dataset, task: "Task | None") -> "ScoredTask":
         """The records under a task; the only place where an evaluation reads a task.
 
         Parameters
@@ -104,7 +104,7 @@ class ScoredPredictions:
     """
 
     predictions: xr.Dataset
-    task: ScoredRecords
+    task: ScoredTask
     normalisation: Normalisation
     is_truth: "Callable[[ScoredPredictions], bool]" = lambda scored: True
     _known: dict[tuple[str, ...], Any] = field(default_factory=dict, repr=False, compare=False)

@@ -1,0 +1,53 @@
+"""Component orders, invariants and signs of stress and strain; no other package states them."""
+
+from granbench.tensors.components import (
+    COMPONENT_ORDERS,
+    PLANE_STRAIN_ROWS,
+    PRINCIPAL_DIRECTIONS,
+    SHEAR_COMPONENTS,
+    Array,
+    component_order,
+    component_rotation,
+    contraction_weights,
+    full_components,
+    is_normal,
+    normal_mask,
+    plane_components,
+)
+from granbench.tensors.invariants import (
+    cofactor_rows,
+    deviatoric_stress,
+    frobenius_norm,
+    intermediate_stress_ratio,
+    least_principal,
+    lode_sin3,
+    mean_stress,
+    pi_plane,
+    principal_difference,
+    volumetric_strain,
+)
+
+__all__ = [
+    "COMPONENT_ORDERS",
+    "PLANE_STRAIN_ROWS",
+    "PRINCIPAL_DIRECTIONS",
+    "SHEAR_COMPONENTS",
+    "Array",
+    "cofactor_rows",
+    "component_order",
+    "component_rotation",
+    "contraction_weights",
+    "deviatoric_stress",
+    "frobenius_norm",
+    "full_components",
+    "intermediate_stress_ratio",
+    "is_normal",
+    "least_principal",
+    "lode_sin3",
+    "mean_stress",
+    "normal_mask",
+    "pi_plane",
+    "plane_components",
+    "principal_difference",
+    "volumetric_strain",
+]
