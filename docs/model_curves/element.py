@@ -13,10 +13,10 @@ import xarray as xr
 
 from granbench import __version__
 from granbench.cells import Conditions
+from granbench.element_test.response_files import response_records
 from granbench.element_test.run import run_test
 from granbench.errors import ModelError
 from granbench.models import ClassicalCell
-from granbench.paths.answer_files import answer_records
 from granbench.paths.mixed_control import MixedControl, isotropic_stress
 from granbench.paths.programme import Floats
 from granbench.paths.standard_tests import find_test
@@ -161,7 +161,7 @@ def _run(
             f"{cell.name}, {specimens[first.point].label}, step {first.step}: {first.reason}; "
             "shorten the test on the page"
         )
-    answer = answer_records(
+    answer = response_records(
         cell.order,
         test.strain,
         test.stress,

@@ -175,13 +175,13 @@ def _parameters(cell: "MaterialCell") -> dict[str, float] | None:
 
 
 def _write(result: "DriveResult", out: Path) -> None:
-    from granbench.paths.answer_files import write_answer
+    from granbench.element_test.response_files import write_response
     from granbench.records import write_records
 
     if out.suffix == ".nc":
         write_records(result.records, out)
     else:
-        write_answer(out, result.order, *result.rows())
+        write_response(out, result.order, *result.rows())
 
 
 def _summary(

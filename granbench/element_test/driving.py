@@ -15,9 +15,9 @@ from granbench.cells.contract import MaterialCell
 from granbench.cells.user_code import user_code
 from granbench.cells.work_budget import WorkExceeded, work_budget
 from granbench.element_test.prescribed_path import PrescribedPath
+from granbench.element_test.response_files import response_records
 from granbench.element_test.run import ElementTest, Failure, run_test
 from granbench.errors import ConfigurationError
-from granbench.paths.answer_files import answer_records
 from granbench.paths.path_columns import STRAIN
 from granbench.paths.programme import Floats
 from granbench.tensors import COMPONENT_ORDERS, least_principal, mean_stress
@@ -145,7 +145,7 @@ def drive(
         raise ConfigurationError(_failure_message(test.failures, test, path, cell.name))
     if cell.pressure_dependent and "void_ratio" in test.internals:
         _refuse_lost_voids(test.internals["void_ratio"], path, cell.name)
-    records = answer_records(
+    records = response_records(
         cell.order,
         test.strain,
         test.stress,

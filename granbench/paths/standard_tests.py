@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from granbench.errors import ConfigurationError, alternatives
-from granbench.paths.element import (
+from granbench.paths.element_tests import (
     BiaxialCompression,
     DrainedSimpleShear,
     Oedometer,

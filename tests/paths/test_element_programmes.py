@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from granbench.errors import ConfigurationError
-from granbench.paths.element import (
+from granbench.paths.element_tests import (
     BiaxialCompression,
     DrainedSimpleShear,
     Oedometer,

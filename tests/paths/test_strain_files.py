@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from granbench.element_test.response_files import response_records, write_response
 from granbench.errors import ConfigurationError
-from granbench.paths.answer_files import answer_records, write_answer
 from granbench.paths.path_columns import STRAIN, STRESS
 from granbench.paths.strain_files import read_path
 from granbench.records import open_records, verify, write_records
@@ -140,7 +140,7 @@ def test_a_file_that_is_no_text_or_not_there_is_named(tmp_path, table):
 def test_a_written_answer_holds_every_bit(tmp_path_factory, rows):
     file = tmp_path_factory.mktemp("answers") / "answer.csv"
     values = np.array(rows)
-    write_answer(file, "plane", values[:, :3], values[:, 3:], {"void_ratio": values[:, 0]})
+    write_response(file, "plane", values[:, :3], values[:, 3:], {"void_ratio": values[:, 0]})
     header, *lines = file.read_text().splitlines()
     assert header == "eps_xx,eps_yy,eps_xy,sig_xx,sig_yy,sig_xy,void_ratio"
     again = np.array([[float(cell) for cell in line.split(",")] for line in lines])
@@ -150,7 +150,7 @@ def test_a_written_answer_holds_every_bit(tmp_path_factory, rows):
 def test_a_written_path_is_read_again(tmp_path):
     strain = np.linspace(0.0, 0.1, 4)[:, None] * np.array([1.0, -0.4, 0.3])
     stress = 1e6 * strain
-    write_answer(tmp_path / "a.csv", "plane", strain, stress, {})
+    write_response(tmp_path / "a.csv", "plane", strain, stress, {})
     # An answer names every component twice: what is to be prescribed has to be chosen.
     with pytest.raises(ConfigurationError, match="eps_xx and sig_xx prescribe one component"):
         read_path(tmp_path / "a.csv")
@@ -164,14 +164,14 @@ def test_a_written_path_is_read_again(tmp_path):
 def test_a_full_disk_leaves_nothing(tiny_disk):
     rows = np.random.default_rng(0).random((3000, 3))
     with pytest.raises(ConfigurationError, match="cannot be written"):
-        write_answer(tiny_disk / "answer.csv", "plane", rows, rows, {})
+        write_response(tiny_disk / "answer.csv", "plane", rows, rows, {})
     assert list(tiny_disk.iterdir()) == []
 
 
 def test_an_answer_is_a_record_like_any_other(tmp_path):
     strain = np.zeros((2, 3, 3))
     strain[:, 1:] = np.random.default_rng(0).normal(0.0, 1e-2, (2, 2, 3))
-    answer = answer_records(
+    answer = response_records(
         "plane", strain, 1e7 * strain,
         {"out_of_plane_stress": 1e6 * strain[..., 0], "memory": strain[..., 1]},
         family="prescribed", configuration={"model": "j2"}, version="0.1.0",

@@ -1,6 +1,6 @@
 import numpy as np
 
-from granbench.paths.answer_files import answer_records
+from granbench.element_test.response_files import response_records
 from granbench.plotting.element_test import MOST_CURVES, element_test_figure, path_invariants
 from granbench.plotting.style import model_styles
 
@@ -10,7 +10,7 @@ def answer(order="principal", paths=1, **internals):
     strain = np.cumsum(np.random.default_rng(0).normal(0.0, 1e-3, (paths, 9, count)), axis=1)
     strain -= strain[:, :1]
     stress = 1e5 + 1e7 * strain
-    return answer_records(
+    return response_records(
         order, strain, stress, internals, family="prescribed", configuration={}, version="0"
     )
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from granbench.element_test.response_files import response_records
 from granbench.errors import DatasetError
-from granbench.paths.answer_files import answer_records
 from granbench.plotting.model import QUANTITIES, ClosedForm, Panel, model_figure
 from granbench.plotting.style import ordered_colours
 from granbench.tensors import COMPONENT_ORDERS, deviatoric_stress
@@ -14,7 +14,7 @@ from granbench.tensors import COMPONENT_ORDERS, deviatoric_stress
 def records(order: str, label: str = "test", **internals: np.ndarray) -> xr.Dataset:
     count = len(COMPONENT_ORDERS[order])
     strain = np.linspace(0.0, 0.01, 5)[:, None] * np.arange(1.0, count + 1.0)
-    answer = answer_records(
+    answer = response_records(
         order, strain[None], 1e5 + 1e7 * strain[None], internals, family="prescribed",
         configuration={}, version="0",
     )  # fmt: skip

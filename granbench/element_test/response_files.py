@@ -1,4 +1,4 @@
-"""What a model answered to paths, as a CSV file with the columns of a path file, and as records."""
+"""Responses of a model to paths, as a CSV file with the columns of a path file, and as records."""
 
 import csv
 import json
@@ -16,10 +16,10 @@ from granbench.records.schema import SCHEMA
 from granbench.tensors import COMPONENT_ORDERS
 
 
-def write_answer(
+def write_response(
     path: Path, order: str, strain: Floats, stress: Floats, internals: Mapping[str, Floats]
 ) -> None:
-    """Write what a model answered to a path as a CSV file, whole or not at all.
+    """Write the response of a model to a path as a CSV file, whole or not at all.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def write_answer(
         writer.writerows(table.tolist())
 
 
-def answer_records(
+def response_records(
     order: str,
     strain: Floats,
     stress: Floats,
@@ -56,7 +56,7 @@ def answer_records(
     configuration: Mapping[str, object],
     version: str,
 ) -> xr.Dataset:
-    """What a model answered to paths, as stress-strain records.
+    """Responses of a model to paths, as stress-strain records.
 
     Parameters
     ----------
