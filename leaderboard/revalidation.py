@@ -1,7 +1,8 @@
 """Validate rows of the board again: the changed ones, or all of them.
 
-A row has changed if it, apart from its seal, or a file beside it differs from an earlier commit.
-Valid rows are listed in a file, so that an interrupted run continues where it stopped.
+A row has changed if it, apart from its seal, or a file beside it differs from an earlier commit. A
+new version of the metrics that changes no value is applied to the earlier row first. Valid rows are
+listed in a file, so that an interrupted run continues where it stopped.
 """
 
 import json
@@ -16,9 +17,11 @@ from granbench.benchmark.metric import METRIC_VERSION
 from granbench.errors import ConfigurationError, GranbenchError, SubmissionError
 from granbench.files.whole_file import whole_file
 from granbench.leaderboard.admission import examine
+from granbench.leaderboard.rescoring import SAME_VALUES, rescored
 from granbench.leaderboard.rows import Row, accepted
 from granbench.leaderboard.sealing import require_seal, row_digest
 from granbench.leaderboard.submission import Submission
+from granbench.leaderboard.submitted_task import records_of, task_of
 
 BRANCHES = ("origin/main", "main")
 
@@ -124,7 +127,16 @@ def _differs(row: Row, top: Path, base: str, names: set[str]) -> bool:
         before = Submission.model_validate(content)
     except (ConfigurationError, ValueError):
         return True
-    return _unsealed(before) != _unsealed(row.submission)
+    return _unsealed(_of_this_version(before, row)) != _unsealed(row.submission)
+
+
+def _of_this_version(before: Submission, row: Row) -> Submission:
+    """The earlier row under this version of the metrics, where that needs no predictions."""
+    if before.metric_version not in SAME_VALUES:
+        return before
+    task = task_of(before, row.file)
+    with records_of(task, row.file) as records:
+        return rescored(before, row.file, records, task)
 
 
 def _unsealed(submission: Submission) -> Submission:

@@ -13,6 +13,7 @@ from small_submissions import register_task
 from granbench.errors import SubmissionError
 from granbench.leaderboard.board import accept, accepted
 from granbench.leaderboard.build import build
+from granbench.leaderboard.rescoring import SAME_VALUES
 from granbench.leaderboard.revalidation import revalidate, touched
 from granbench.leaderboard.sealing import require_seal, seal_older_rows
 from granbench.leaderboard.submission import read_submission
@@ -116,6 +117,21 @@ def test_a_failure_at_any_moment_leaves_the_older_row_whole(
 def git(folder: Path, *arguments: str) -> None:
     who = ["-c", "user.name=a", "-c", "user.email=a@example.org"]
     subprocess.run(["git", "-C", str(folder), *who, *arguments], check=True, capture_output=True)
+
+
+def test_a_version_that_changes_no_value_touches_no_row(board, sealed, monkeypatch):
+    register_task(sealed, monkeypatch)
+    file = board / "synthetic" / "secant.json"
+    current = file.read_text()
+    git(board, "init", "-b", "work")
+    changed(file, lambda c: c.update(metric_version=SAME_VALUES[0]))
+    git(board, "add", ".")
+    git(board, "commit", "-m", "rows of an earlier version")
+    git(board, "commit", "--allow-empty", "-m", "nothing of the board")
+    file.write_text(current)
+    assert touched(board) == []
+    changed(file, lambda c: c["scores"][0].update(value=0.5))
+    assert [row.file for row in touched(board)] == [file]
 
 
 def test_only_rows_that_a_change_touches_are_validated_again(board, submit, sealed, monkeypatch):
