@@ -16,9 +16,9 @@ from granbench.leaderboard.originality import (
     copied_seeds,
     errors_of,
     is_classical,
-    is_deterministic,
     near_truth,
     same_scores,
+    seeds_score_alike,
 )
 from granbench.leaderboard.rows import Row, accepted, place_on
 from granbench.leaderboard.submission import Submission
@@ -107,7 +107,7 @@ def examine(
 
 def _deterministic(validated: Validated) -> bool | None:
     """Whether the seeds of a model only draw the noise: recomputed, never taken from the file."""
-    return is_deterministic(validated.submission.scores) or None
+    return seeds_score_alike(validated.submission.scores) or None
 
 
 def _incomplete(submission: Submission) -> Iterator[Objection]:
@@ -159,7 +159,7 @@ def _of_truth(validated: Validated, errors: Errors | None) -> Iterator[Objection
 
 def _of_seeds(validated: Validated, errors: Errors | None) -> Iterator[Objection]:
     submission = validated.submission
-    if errors is None or _exempt(submission) or is_deterministic(submission.scores):
+    if errors is None or _exempt(submission) or seeds_score_alike(submission.scores):
         return
     if pairs := copied_seeds(errors, errors):
         one, other = (submission.seeds[place] for place in pairs[0])

@@ -16,7 +16,7 @@ from granbench.benchmark.scorecard import ALL
 from granbench.data.replicates import ReplicateScatter
 from granbench.errors import ConfigurationError, SubmissionError
 from granbench.files.whole_file import cannot_write
-from granbench.leaderboard.ranking import PathErrorsByName, answers_once, standing
+from granbench.leaderboard.ranking import RankedErrorsByName, answers_once, standing
 from granbench.leaderboard.rows import Row, slug
 from granbench.leaderboard.sealing import require_seal
 from granbench.leaderboard.showable import require_showable
@@ -30,7 +30,7 @@ def build(
     rows: Sequence[Row],
     out: Path,
     scatter: Mapping[tuple[str, str], ReplicateScatter] | None = None,
-    errors: Mapping[tuple[str, str], PathErrorsByName] | None = None,
+    errors: Mapping[tuple[str, str], RankedErrorsByName] | None = None,
 ) -> Path:
     """Render the board into a folder, whole or not at all.
 
@@ -119,7 +119,7 @@ def _render(
     boards: dict[tuple[str, str], list[Row]],
     folder: Path,
     scatter: Mapping[tuple[str, str], ReplicateScatter],
-    errors: Mapping[tuple[str, str], PathErrorsByName],
+    errors: Mapping[tuple[str, str], RankedErrorsByName],
 ) -> None:
     environment = Environment(
         loader=PackageLoader("granbench.leaderboard", "site"),

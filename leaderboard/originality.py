@@ -240,7 +240,7 @@ def _seeded(score: Score) -> bool:
     return part is not None and part.seeded
 
 
-def is_deterministic(scores: Sequence[Score]) -> bool:
+def seeds_score_alike(scores: Sequence[Score]) -> bool:
     """Whether a model gives the same answers for all of its seeds, which then only draw the noise.
 
     Parameters

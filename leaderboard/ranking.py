@@ -19,14 +19,14 @@ from granbench.benchmark.registry import headline_axis
 from granbench.benchmark.scorecard import Score
 from granbench.errors import GranbenchError
 from granbench.leaderboard.admission import MINIMUM_SEEDS
-from granbench.leaderboard.originality import errors_of, is_classical, is_deterministic
+from granbench.leaderboard.originality import errors_of, is_classical, seeds_score_alike
 from granbench.leaderboard.rows import Row
 from granbench.leaderboard.submission import Submission
 from granbench.leaderboard.submitted_task import records_of, task_of
 
 
 @dataclass(frozen=True)
-class PathErrors:
+class RankedErrors:
     """Squared errors of a model along whole paths, mean over steps, components and seeds.
 
     Parameters
@@ -41,12 +41,12 @@ class PathErrors:
     splits: np.ndarray
 
 
-PathErrorsByName = Mapping[str, PathErrors]
+RankedErrorsByName = Mapping[str, RankedErrors]
 
 
 def answers_once(submission: Submission) -> bool:
     """Whether a model has one answer for all of its seeds, which then only drive the noise."""
-    return is_deterministic(submission.scores)
+    return seeds_score_alike(submission.scores)
 
 
 def is_ranked(submission: Submission) -> bool:
@@ -71,14 +71,14 @@ def standing(submission: Submission) -> str:
     return "deterministic" if answers_once(submission) else ""
 
 
-def path_errors(rows: Iterable[Row]) -> dict[str, PathErrors]:
+def path_errors(rows: Iterable[Row]) -> dict[str, RankedErrors]:
     """Errors of single paths by model, of the rows that have predictions and records at hand.
 
     Parameters
     ----------
     rows : of one task and version
     """
-    found: dict[str, PathErrors] = {}
+    found: dict[str, RankedErrors] = {}
     with_predictions = [row for row in rows if row.submission.predictions is not None]
     if len(with_predictions) < 2:
         return found
@@ -96,7 +96,7 @@ def path_errors(rows: Iterable[Row]) -> dict[str, PathErrors]:
                 errors = errors_of(open_predictions(file), records)
                 if errors is not None:
                     value = (errors.error**2).mean(axis=(0, 2, 3))
-                    found[row.submission.name] = PathErrors(value, *labels)
+                    found[row.submission.name] = RankedErrors(value, *labels)
     except GranbenchError:
         return {}  # then the intervals of the rows decide
     return found
@@ -115,7 +115,7 @@ def worse(value: float, direction: Direction) -> float:
 def shared_ranks(
     scores: Mapping[str, Score],
     split: str,
-    errors: PathErrorsByName,
+    errors: RankedErrorsByName,
     direction: Direction = "lower",
 ) -> dict[str, str]:
     """Ranks by name, such as "1", or "2=" where a rank is shared.
@@ -144,7 +144,7 @@ def shared_ranks(
 
 
 def _tied(
-    scores: Mapping[str, Score], split: str, errors: PathErrorsByName, one: str, other: str
+    scores: Mapping[str, Score], split: str, errors: RankedErrorsByName, one: str, other: str
 ) -> bool:
     headline = headline_axis().headline
     paired = headline is not None and scores[one].metric == headline.metric
@@ -153,7 +153,7 @@ def _tied(
     return overlapping(scores[one], scores[other])
 
 
-def _no_difference(one: PathErrors, other: PathErrors, split: str) -> bool:
+def _no_difference(one: RankedErrors, other: RankedErrors, split: str) -> bool:
     """Whether zero lies within the interval of the mean difference over paths."""
     inside = one.splits == split
     difference = (one.value - other.value)[inside]

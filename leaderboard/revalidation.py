@@ -27,7 +27,7 @@ BRANCHES = ("origin/main", "main")
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RowOutcome:
     """The result of validating one row.
 
     Parameters
@@ -47,7 +47,7 @@ def revalidate(
     folder: Path,
     state: Path | None = None,
     progress: Callable[[Row], SeedProgress | None] | None = None,
-) -> Iterator[Outcome]:
+) -> Iterator[RowOutcome]:
     """Validate rows one after the other.
 
     Parameters
@@ -66,7 +66,7 @@ def revalidate(
         try:
             digest = f"{METRIC_VERSION} {row_digest(row.submission, row.file.parent)}"
             if digest in done:
-                yield Outcome(row.file, known=True)
+                yield RowOutcome(row.file, known=True)
                 continue
             complaint = _complaint(row, folder, progress(row) if progress else None)
         except GranbenchError as error:
@@ -74,7 +74,7 @@ def revalidate(
         if complaint is None and state is not None:
             done.add(digest)
             _write(state, done)
-        yield Outcome(row.file, complaint)
+        yield RowOutcome(row.file, complaint)
 
 
 def _complaint(row: Row, folder: Path, progress: SeedProgress | None) -> str | None:

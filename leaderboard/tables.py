@@ -7,7 +7,7 @@ from granbench.benchmark.metric import Direction
 from granbench.benchmark.presentation import BoardView, Cell, ModelTable, Section
 from granbench.benchmark.registry import axes, headline_axis
 from granbench.leaderboard.ranking import (
-    PathErrorsByName,
+    RankedErrorsByName,
     few_seeds,
     is_ranked,
     ranked_last,
@@ -48,7 +48,7 @@ class TableRow:
 
 
 @dataclass(frozen=True)
-class Table:
+class BoardTable:
     """Models against columns of numbers.
 
     Parameters
@@ -84,8 +84,8 @@ def headline_table(
     submissions: Sequence[Submission],
     split: str,
     floor: float | None = None,
-    errors: PathErrorsByName | None = None,
-) -> Table | None:
+    errors: RankedErrorsByName | None = None,
+) -> BoardTable | None:
     """The scores of one split that models are ranked by; None where nobody has any.
 
     Parameters
@@ -107,8 +107,8 @@ def board_table(
     table: ModelTable,
     submissions: Sequence[Submission],
     split: str | None,
-    errors: PathErrorsByName | None = None,
-) -> Table:
+    errors: RankedErrorsByName | None = None,
+) -> BoardTable:
     """A table of an axis with colours, ranks and the best of every column.
 
     Parameters
@@ -135,7 +135,7 @@ def board_table(
     ]
     rows += [TableRow(name, "", None, row) for name, row in table.reference.items()]
     ordered_rows = ordered(rows, table.ordered_by, table.direction)
-    return Table(table.title, table.columns, ordered_rows, table.ordered_by)
+    return BoardTable(table.title, table.columns, ordered_rows, table.ordered_by)
 
 
 def _with_best(table: ModelTable, by_name: Mapping[str, Submission]) -> dict[str, tuple[Cell, ...]]:

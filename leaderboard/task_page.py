@@ -11,10 +11,10 @@ from granbench.benchmark.task_summary import shortages_of_scores
 from granbench.data.replicates import ReplicateScatter
 from granbench.leaderboard.agreement import lost_results
 from granbench.leaderboard.curves import DrawnChart, drawn_chart
-from granbench.leaderboard.ranking import PathErrorsByName
+from granbench.leaderboard.ranking import RankedErrorsByName
 from granbench.leaderboard.rows import Row, slug
 from granbench.leaderboard.submission import Submission
-from granbench.leaderboard.tables import Table, board_table, headline_table, sections
+from granbench.leaderboard.tables import BoardTable, board_table, headline_table, sections
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class PageBlock:
     heading: str
     split: str | None
     metric: str | None
-    table: Table | None
+    table: BoardTable | None
     charts: tuple[DrawnChart, ...]
     full: bool
 
@@ -57,7 +57,7 @@ def task_page(
     version: str,
     board: Sequence[Row],
     scatter: ReplicateScatter | None,
-    errors: PathErrorsByName,
+    errors: RankedErrorsByName,
 ) -> dict[str, Any]:
     """What the template of a task's page shows.
 
@@ -108,7 +108,7 @@ def task_page(
 
 
 def _sections(
-    view: BoardView, submissions: Sequence[Submission], errors: PathErrorsByName
+    view: BoardView, submissions: Sequence[Submission], errors: RankedErrorsByName
 ) -> list[PageSection]:
     names = [submission.name for submission in submissions]
     return [
@@ -132,8 +132,8 @@ def _sections(
 
 
 def _table(
-    block: Block, submissions: Sequence[Submission], errors: PathErrorsByName
-) -> Table | None:
+    block: Block, submissions: Sequence[Submission], errors: RankedErrorsByName
+) -> BoardTable | None:
     if block.table is None:
         return None
     return board_table(block.table, submissions, block.split, errors)

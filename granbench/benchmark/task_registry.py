@@ -9,7 +9,6 @@ point of the group `granbench.tasks`, whose value is a package with YAML files i
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
 from types import ModuleType
@@ -23,7 +22,7 @@ from granbench.benchmark.task import Task
 from granbench.data.registry import REGISTRY_FOLDER, RegistryEntry, entries
 from granbench.data.store import REGISTERED_NAME, dataset_file, local_file
 from granbench.data.verification import task_file
-from granbench.errors import DatasetError, GranbenchError, RegistryError
+from granbench.errors import DatasetError, GranbenchError, RegistryError, alternatives
 from granbench.files.validation import first_fault
 from granbench.records import open_records
 from granbench.registration import Registry
@@ -75,9 +74,7 @@ def registered_task(name: str, version: str | None = None) -> Task:
     named = [task for task in known if task.id == name]
     if not named:
         names = list(dict.fromkeys(task.id for task in known))
-        near = get_close_matches(name, names, n=3)
-        hint = f"did you mean {' or '.join(near)}" if near else f"use one of {', '.join(names)}"
-        raise RegistryError(f"unknown task {name!r}; {hint} (`granbench task list`)")
+        raise RegistryError(f"unknown task {name!r}: {alternatives(name, names)}")
     for task in named:
         if version in (None, task.version):
             return task

@@ -1,13 +1,12 @@
 """The registry: one YAML file for each dataset and version, with the addresses of its file."""
 
-import difflib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
-from granbench.errors import RegistryError
+from granbench.errors import RegistryError, alternatives
 from granbench.files.validation import first_fault
 
 REGISTRY_FOLDER = Path(__file__).parent / "registry"
@@ -116,9 +115,7 @@ def entry(name: str) -> RegistryEntry:
     named = [candidate for candidate in known if candidate.id == identifier]
     if not named:
         names = list(dict.fromkeys(candidate.id for candidate in known))
-        near = difflib.get_close_matches(identifier, names, n=3)
-        hint = f"did you mean {' or '.join(near)}" if near else f"use one of {', '.join(names)}"
-        raise RegistryError(f"unknown dataset {identifier!r}; {hint}")
+        raise RegistryError(f"unknown dataset {identifier!r}: {alternatives(identifier, names)}")
     if not version:
         return named[0]
     for candidate in named:

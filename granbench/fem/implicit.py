@@ -22,7 +22,7 @@ from granbench.fem.balance import Balance
 from granbench.fem.explicit import OnStep
 from granbench.fem.gauss_points import GaussPoints, MaterialFailure
 from granbench.fem.implicit_settings import ImplicitSettings
-from granbench.fem.iteration import Outcome, Scheme, scheme_of
+from granbench.fem.iteration import IterationResult, Scheme, scheme_of
 from granbench.fem.loading import LoadingHistory
 from granbench.fem.mesh import Floats
 from granbench.fem.operators import Operators
@@ -94,7 +94,7 @@ class _Attempt:
     iterations : over all guesses
     """
 
-    outcome: Outcome | None
+    outcome: IterationResult | None
     failure: MaterialFailure | None
     iterations: int
 

@@ -53,7 +53,7 @@ MEMORY = 10
 
 
 @dataclass(frozen=True)
-class Outcome:
+class IterationResult:
     """Result of a scheme.
 
     Parameters
@@ -86,7 +86,7 @@ class Scheme(abc.ABC):
         self.limit = settings.iterations or self.most
 
     @abc.abstractmethod
-    def __call__(self, guess: Floats) -> Outcome:
+    def __call__(self, guess: Floats) -> IterationResult:
         """Improve an increment until it balances, or give up."""
 
 
@@ -99,7 +99,7 @@ class Newton(Scheme):
         "model"
     )
 
-    def __call__(self, guess: Floats) -> Outcome:
+    def __call__(self, guess: Floats) -> IterationResult:
         """See `Scheme`."""
         balance, increment = self.balance, guess
         rest, error, tangent = balance.linearised(increment)
@@ -111,7 +111,7 @@ class Newton(Scheme):
                 break
             increment, rest, error, tangent = found
             errors.append(error)
-        return Outcome(increment, tuple(errors), error <= self.tolerance)
+        return IterationResult(increment, tuple(errors), error <= self.tolerance)
 
     def _improved(
         self, increment: Floats, rest: Floats, ceiling: float, tangent: Floats
@@ -152,7 +152,7 @@ class Restart(Scheme):
     most = 100
     remedy = "take more load steps, or the scheme 'newton'"
 
-    def __call__(self, guess: Floats) -> Outcome:
+    def __call__(self, guess: Floats) -> IterationResult:
         """See `Scheme`."""
         balance, increment = self.balance, guess
         rest, error, tangent = balance.linearised(increment)
@@ -168,7 +168,7 @@ class Restart(Scheme):
             increment = balance.moved(increment, correction)
             rest, error, tangent = balance.linearised(increment)
             errors.append(error)
-        return Outcome(increment, tuple(errors), converged)
+        return IterationResult(increment, tuple(errors), converged)
 
 
 @dataclass
@@ -219,7 +219,7 @@ class InitialStiffness(Scheme):
             )
         self._solve = solve
 
-    def __call__(self, guess: Floats) -> Outcome:
+    def __call__(self, guess: Floats) -> IterationResult:
         """See `Scheme`."""
         balance, increment, iterates = self.balance, guess, _Iterates()
         rest, error = balance.residual(increment)
@@ -232,7 +232,7 @@ class InitialStiffness(Scheme):
             errors.append(error)
             before, correction = correction, self._solve(rest)
             iterates.remember(move, correction - before)
-        return Outcome(increment, tuple(errors), error <= self.tolerance)
+        return IterationResult(increment, tuple(errors), error <= self.tolerance)
 
 
 SCHEMES: dict[str, type[Scheme]] = dict(

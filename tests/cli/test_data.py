@@ -124,7 +124,7 @@ def test_user_errors_are_one_sentence(granbench, shelf, records, tmp_path):
     (tmp_path / "page.nc").write_text("<html>Not found</html>")
     (tmp_path / "in-the-way").write_text("")
     file = write_records(records, tmp_path / "a.nc")
-    assert_one_sentence(granbench("data", "info", "syntetic"), "did you mean synthetic")
+    assert_one_sentence(granbench("data", "info", "syntetic"), "'synthetic'")
     assert_one_sentence(granbench("data", "info", "none.nc"), "none.nc", "no such file")
     assert_one_sentence(granbench("data", "verify", tmp_path / "page.nc"), "not a netCDF file")
     assert_one_sentence(granbench("data", "fetch", "synthetic"), "could not be fetched")

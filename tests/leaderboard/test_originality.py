@@ -15,7 +15,7 @@ from granbench.errors import SubmissionError
 from granbench.leaderboard.admission import examine
 from granbench.leaderboard.board import accept
 from granbench.leaderboard.composition import compose
-from granbench.leaderboard.originality import is_deterministic
+from granbench.leaderboard.originality import seeds_score_alike
 from granbench.leaderboard.submission import read_submission
 
 Change = Callable[[xr.Dataset], xr.Dataset]
@@ -139,7 +139,7 @@ def test_one_model_under_three_seeds_is_one_deterministic_model(submission_file,
     examination = examine(submission_file(), None, sealed)
     assert not examination.objections
     assert examination.submission.deterministic is True
-    assert is_deterministic(examination.submission.scores)
+    assert seeds_score_alike(examination.submission.scores)
 
 
 def seeds_off(*sizes: float) -> Change:

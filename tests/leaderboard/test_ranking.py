@@ -12,7 +12,7 @@ from granbench.benchmark.scorecard import Score
 from granbench.errors import SubmissionError
 from granbench.leaderboard.build import build
 from granbench.leaderboard.ranking import (
-    PathErrors,
+    RankedErrors,
     few_seeds,
     is_ranked,
     shared_ranks,
@@ -45,10 +45,10 @@ def test_overlapping_intervals_share_a_rank(intervals, ranks):
     assert list(shared_ranks(scores, "test", {}).values()) == ranks
 
 
-def errors(value: np.ndarray) -> PathErrors:
+def errors(value: np.ndarray) -> RankedErrors:
     count = len(value)
     names = np.arange(count).astype(str)
-    return PathErrors(value, names, names, np.full(count, "test"))
+    return RankedErrors(value, names, names, np.full(count, "test"))
 
 
 def test_pairs_of_paths_tell_models_apart_whose_intervals_overlap():
