@@ -98,7 +98,7 @@ class Axis(ABC):
 
         Parameters
         ----------
-        task : the scored records
+        task : the scored records and the analyses
         reads_records : whether the model looks its answers up in the records
         """
         return None

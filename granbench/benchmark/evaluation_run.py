@@ -27,7 +27,7 @@ class EvaluationRun:
     Parameters
     ----------
     cells : the model's cell for each seed; the seed also draws the noise
-    task : the scored records
+    task : the scored records and the analyses
     axes : names of the chosen axes
     training_seconds : how long each seed was trained, where that is known
     report : called after each part

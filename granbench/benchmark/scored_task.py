@@ -98,7 +98,7 @@ class ScoredPredictions:
     Parameters
     ----------
     predictions : see `granbench.benchmark.predictions`
-    task : the records, in the order of the predicted paths
+    task : its records are in the order of the predicted paths
     normalisation : training standard deviations
     is_truth : whether the predictions are the records, as far as the axes can tell
     """

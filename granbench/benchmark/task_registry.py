@@ -7,7 +7,7 @@ point of the group `granbench.tasks`, whose value is a package with YAML files i
     my-tasks = "my_package.tasks"
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
@@ -41,24 +41,14 @@ def registered_tasks() -> list[Task]:
     Raises
     ------
     RegistryError
-        If a YAML file is damaged, or two have the same name and version.
+        If a YAML file is damaged, two have the same name and version, or another package uses the
+        name of a task of GranBench.
     """
-    found: dict[tuple[str, str], tuple[Task, Path]] = {}
-    for path in (*sorted(TASK_FOLDER.glob("*.yaml")), *_plugin_files()):
-        task = read_task(path)
-        key = (task.id, task.version)
-        if key in found:
-            raise RegistryError(
-                f"{path}: task {task.id} {task.version} is registered already, by "
-                f"{found[key][1]}; give it another id or version"
-            )
-        found[key] = (task, path)
-    newest_first = sorted((task for task, _ in found.values()), key=_release, reverse=True)
-    return sorted(newest_first, key=lambda task: task.id)
+    return _ordered((*_own_files(), *_plugin_files()))
 
 
 def registered_task(name: str, version: str | None = None) -> Task:
-    """A registered task.
+    """A registered task; those of GranBench are found whatever other packages register.
 
     Parameters
     ----------
@@ -68,9 +58,10 @@ def registered_task(name: str, version: str | None = None) -> Task:
     Raises
     ------
     RegistryError
-        If nobody registered it; the text names similar ones.
+        If no package registers it; the text names similar ones.
     """
-    known = registered_tasks()
+    own = [task for task in _ordered(_own_files()) if task.id == name]
+    known = own or registered_tasks()
     named = [task for task in known if task.id == name]
     if not named:
         names = list(dict.fromkeys(task.id for task in known))
@@ -229,10 +220,43 @@ def _task_of_records(path: Path) -> Task:
     return alone
 
 
+def _ordered(paths: Iterable[Path]) -> list[Task]:
+    """The tasks of YAML files, by name, the newest version first."""
+    found: dict[tuple[str, str], tuple[Task, Path]] = {}
+    own = set()
+    for path in paths:
+        task = read_task(path)
+        if path.parent == TASK_FOLDER:
+            own.add(task.id)
+        elif task.id in own:
+            raise RegistryError(
+                f"{path}: id: {task.id!r} is the name of a task of GranBench; give it another id"
+            )
+        key = (task.id, task.version)
+        if key in found:
+            raise RegistryError(
+                f"{path}: task {task.id} {task.version} is registered already, by "
+                f"{found[key][1]}; give it another id or version"
+            )
+        found[key] = (task, path)
+    newest_first = sorted((task for task, _ in found.values()), key=_release, reverse=True)
+    return sorted(newest_first, key=lambda task: task.id)
+
+
+def _own_files() -> list[Path]:
+    return sorted(TASK_FOLDER.glob("*.yaml"))
+
+
 def _plugin_files() -> Iterator[Path]:
     """The task files of other packages."""
-    for package in TASK_PACKAGES.values():
-        items = files(package).iterdir()
+    for name, package in TASK_PACKAGES.items():
+        try:
+            items = list(files(package).iterdir())
+        except (OSError, TypeError, ValueError) as error:
+            raise RegistryError(
+                f"package of tasks {name!r}: {package.__name__} is not a package with YAML files "
+                f"({error}); correct or uninstall it"
+            ) from error
         yield from sorted(Path(str(item)) for item in items if item.name.endswith(YAML))
 
 

@@ -134,11 +134,6 @@ BASELINES: Registry[Baseline] = Registry(
 """Every registered reference model."""
 
 
-def baseline_names() -> list[str]:
-    """Names of the registered reference models, sorted."""
-    return list(BASELINES)
-
-
 def find_baseline(name: str) -> Baseline:
     """The registered reference model `name`.
 

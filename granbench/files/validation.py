@@ -18,8 +18,8 @@ EXPECTED = {
 }
 """What a value must do, by the type of pydantic's error, where pydantic names types of Python."""
 
-LONGEST = 60
-"""Characters of a wrong value that are shown."""
+LONGEST_NAME, LONGEST_VALUE = 200, 60
+"""Characters of a field's name and of its value that are shown."""
 
 
 def first_fault(error: ValidationError, unknown: str = "remove it") -> str:
@@ -34,7 +34,7 @@ def first_fault(error: ValidationError, unknown: str = "remove it") -> str:
     """
     faults = error.errors(include_url=False)
     first: Mapping[str, Any] = faults[0]
-    field = ".".join(map(str, first["loc"]))
+    field = ".".join(map(str, first["loc"]))[:LONGEST_NAME]
     more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
     if first["type"] == "value_error":
         text = first["msg"].removeprefix("Value error, ")
@@ -47,7 +47,7 @@ def _predicate(fault: Mapping[str, Any], unknown: str) -> str:
         return "is missing; add it"
     if fault["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         return f"is unknown; {unknown}"
-    value = json.dumps(fault["input"], default=str)[:LONGEST]
+    value = json.dumps(fault["input"], default=str)[:LONGEST_VALUE]
     rule = EXPECTED.get(fault["type"])
     if rule is None:
         sentence = re.fullmatch(r"\w+ should (.*)", fault["msg"], flags=re.DOTALL)

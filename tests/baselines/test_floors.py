@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from granbench.baselines.linear_elastic import LinearElasticCell, fitted_moduli
 from granbench.benchmark.evaluation import predict
 from granbench.benchmark.predictions import quantise
-from granbench.cells.baseline import TrainingRequest, baseline_names, find_baseline
+from granbench.cells.baseline import BASELINES, TrainingRequest, find_baseline
 from granbench.cells.contract import Conditions
 from granbench.cells.find import UntrainedBaselineError, find_cells
 from granbench.data.adapters import conditions_of, history_of
@@ -20,8 +20,8 @@ FLOORS = ("persistence", "linear-elastic", "oracle")
 
 
 def test_every_baseline_of_the_package_is_found_by_name() -> None:
-    assert {"lstm", "mlstm", *FLOORS} <= set(baseline_names())
-    for name in baseline_names():
+    assert {"lstm", "mlstm", *FLOORS} <= set(BASELINES)
+    for name in BASELINES:
         baseline = find_baseline(name)
         assert baseline.name == name
         assert baseline.title

@@ -7,12 +7,12 @@ import pytest
 import torch
 import xarray as xr
 
-from granbench.cells.baseline import EpochReport, TrainingRequest, baseline_names, find_baseline
+from granbench.cells.baseline import BASELINES, EpochReport, TrainingRequest, find_baseline
 from granbench.data.adapters import conditions_of, history_of
 from granbench.errors import ModelError
 
-TRAINED = [name for name in baseline_names() if find_baseline(name).presets]
-UNTRAINED = [name for name in baseline_names() if name not in TRAINED]
+TRAINED = [name for name in BASELINES if find_baseline(name).presets]
+UNTRAINED = [name for name in BASELINES if name not in TRAINED]
 VOLATILE = ("seconds",)
 """Keys of `model.json` that depend on the clock."""
 

@@ -1,6 +1,7 @@
 """A new task is one YAML file; and what holds for every registered task."""
 
 import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -97,6 +98,31 @@ def test_another_package_brings_a_task(tmp_path: Path) -> None:
     check_toy_submission(tmp_path)
     said = granbench(tmp_path, "submission", "validate", "submission.json", "--json")
     assert json.loads(said)["task"] == "toy"
+
+
+def test_a_broken_package_of_tasks_is_named_and_disturbs_no_task_of_granbench(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = {"broken_tasks.py": ""}
+    install(tmp_path, files, "granbench.tasks", "mine = broken_tasks")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert find_task("gp-j2-mini").id == "gp-j2-mini"
+    with pytest.raises(RegistryError, match="broken_tasks"):
+        find_task("toy")
+    sys.modules.pop("broken_tasks", None)
+
+
+def test_a_package_cannot_take_the_name_of_a_task_of_granbench(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = TOY.replace("id: toy", "id: gp-j2-mini").replace("version: 1.0.0", "version: 2.0.0", 1)
+    files = {"other_tasks/__init__.py": "", "other_tasks/toy.yaml": text}
+    install(tmp_path, files, "granbench.tasks", "mine = other_tasks")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert find_task("gp-j2-mini").version == "1.0.0"
+    with pytest.raises(RegistryError, match=r"toy\.yaml: id"):
+        registered_tasks()
+    sys.modules.pop("other_tasks", None)
 
 
 def changed(change: Callable[[dict], object], folder: Path) -> Path:

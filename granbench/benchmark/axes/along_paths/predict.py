@@ -92,7 +92,7 @@ def noised_truth(task: ScoredTask, spec: ProtocolSpec, seed: int) -> np.ndarray:
 
     Parameters
     ----------
-    task : the scored records, which a model made
+    task : its records, which a model made
     spec, seed : of the noise
 
     Returns
