@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# From particles to a leaderboard row, about ten minutes on two cores: `make demo`, or
+# From particles to a leaderboard row in about five minutes on two cores: `make demo`, or
 # demo.sh [FOLDER] with GranBench installed. Every line that begins with $ is a command that can
 # be typed by hand. Run it again to continue after an interruption.
 set -euo pipefail
