@@ -1,7 +1,7 @@
 """Write the tables and figures of docs/fem.md.
 
-``python docs/fem_page.py`` from the root of the checkout; `make docs` does it. A test checks that
-the page holds what this makes.
+Run ``python docs/fem_page.py`` from the root of the checkout; `make docs` does this. A test checks
+that the page is up to date.
 """
 
 from collections.abc import Callable, Mapping
