@@ -48,7 +48,7 @@ def test_a_model_of_another_package_is_found_by_its_name(plug_in) -> None:
         require_data_only(found)  # a rerun of a submission runs GranBench's own code alone
 
 
-def test_a_model_of_granbench_goes_before_another_of_its_name(plug_in) -> None:
+def test_a_model_of_granbench_has_priority_over_another_of_its_name(plug_in) -> None:
     plug_in(j2="my_models:Clay")
     assert MODELS["j2"] is J2
     assert MODELS.own("j2")
@@ -61,7 +61,7 @@ def test_a_package_that_cannot_be_loaded_is_named(plug_in) -> None:
             find_cells(name)
 
 
-def test_a_name_that_nobody_registers_is_missing() -> None:
+def test_an_unregistered_name_is_an_error() -> None:
     assert "no-such-model" not in MODELS
     with pytest.raises(KeyError):
         MODELS["no-such-model"]

@@ -118,7 +118,7 @@ def test_file_holds_what_python_computes(fem):
         assert names <= set(found.data_vars)
 
 
-def test_implicit_solver_says_its_iterations_as_json(fem):
+def test_iterations_of_the_implicit_solver_are_in_the_json(fem):
     words = ("--cell", "own:hooke", "--solver", "implicit", "--outputs", 4, "--out", "a.nc")
     code, out, err = fem("strip-footing", *words, "--json", *COARSE)
     assert code == 0, err
