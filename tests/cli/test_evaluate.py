@@ -224,7 +224,7 @@ def test_scores_are_shown_with_the_floors(granbench, task, my_model):
         "--seeds", "0",
     )  # fmt: skip
     assert code == 0
-    assert "Stress MSE of others" in out and "persistence" in out
+    assert "Stress MSE compared with others" in out and "persistence" in out
     assert "window" in out and "single-step" not in out
 
 
