@@ -1,8 +1,8 @@
 # Targets: setup demo test slow fuzz bench lint docs wheels core revalidate revalidate-changed clean.
-# Variables: PYTHON (3.11 or newer), VENV (where it is installed), OUT (where the demo writes),
-# CORE (where `make core` works). OUT and CORE may contain any character except a line break.
-# FUZZ_SECONDS (how long) and FUZZ_SEED (random seed) of `make fuzz`; PROPERTY_SECONDS (how long the
-# property tests are repeated with new examples).
+# Variables: PYTHON (3.11 or newer), VENV (folder of the installation), OUT (folder of the demo),
+# CORE (folder of `make core`). OUT and CORE may contain any character except a line break.
+# `make fuzz` has FUZZ_SECONDS (how long it runs), FUZZ_SEED (random seed) and PROPERTY_SECONDS (how
+# long the property tests are repeated with new examples).
 
 PYTHON ?= python3
 VENV ?= .venv
@@ -14,7 +14,7 @@ SHELL := /bin/bash
 .PHONY: setup engine browser demo test slow fuzz bench lint docs wheels core clean
 .PHONY: revalidate revalidate-changed
 
-# The shell reads them from its environment; make does not expand them, so $ and spaces are kept.
+# The shell reads OUT and CORE from its environment; make does not expand them, so $ and spaces are kept.
 override OUT := $(value OUT)
 override CORE := $(value CORE)
 export OUT CORE
@@ -55,8 +55,8 @@ test: setup browser
 slow: setup browser
 	$(BIN)/python -m pytest -m slow
 
-# Input files of every kind, changed at random (`make test` does this for a minute), then the
-# property tests with new examples instead of the fixed ones, until PROPERTY_SECONDS have passed.
+# Tests input files of every kind, changed at random (`make test` does this for a minute), then runs
+# the property tests with new examples instead of the fixed ones, until PROPERTY_SECONDS have passed.
 FUZZ_SECONDS ?= 3600
 FUZZ_SEED ?= 0
 PROPERTY_SECONDS ?= 600
@@ -78,11 +78,11 @@ lint: setup
 	@$(BIN)/python -m zipfile --extract build/wheel/*.whl build/unpacked
 	MYPYPATH=build/unpacked $(BIN)/mypy -p granbench
 
-# Scores or runs every row of the board again, which takes hours; run it again to continue.
+# Scores or runs every row of the leaderboard again, which takes hours; run it again to continue.
 revalidate: setup
 	$(BIN)/granbench leaderboard revalidate --state campaigns/revalidated.json
 
-# Only the rows that differ from where the branch left main or, on main, from the previous commit.
+# Checks only the rows that the branch has changed since main or, on main, the last commit has changed.
 revalidate-changed: setup
 	$(BIN)/granbench leaderboard revalidate --changed
 
@@ -97,7 +97,7 @@ docs: setup
 	@$(BIN)/python docs/docs_index.py
 
 # Builds both wheels into dist: the package, and its reference datasets as `granbench-data`. Each is
-# built from a copy, so that no old build folder gets into it and none is left in datasets/.
+# built from a copy, so that it contains no old build folder and leaves none in datasets/.
 wheels: setup
 	@rm -rf build/source dist
 	@mkdir -p build/source/data

@@ -1,4 +1,4 @@
-"""What driving LIGGGHTS costs, and what a second campaign worker gains.
+"""CPU time of driving LIGGGHTS, and the speed-up by a second campaign worker.
 
 Driver, servo and recording against one uninterrupted LIGGGHTS run of the same number of steps at
 the same mean strain rates from the same restart: CPU time, start of the engine included, each in
@@ -34,7 +34,7 @@ from granbench.generators.dem.triaxial import run_test
 from granbench.paths import ConstantMeanStress
 
 GRADINGS_MEASURED = ("mono", "fractal-1.0")
-"""Equal spheres, and a wide grading, d_max / d_min = 10."""
+"""Equal spheres, and a wide grading with d_max / d_min = 10."""
 
 PRESSURE = 0.5e6
 RECORD_STRAIN = 0.4 / 240
@@ -45,7 +45,7 @@ WORKERS = 2
 
 @dataclass(frozen=True)
 class Size:
-    """How much is simulated.
+    """Sizes of the simulations.
 
     Parameters
     ----------
@@ -68,14 +68,14 @@ QUICK = Size(800, 0.02, 1, 400, 0.01)
 
 
 def alone(function: Callable, *arguments: object) -> dict[str, object]:
-    """The function's result in a fresh process: LIGGGHTS starts once in a process."""
+    """Result of a function in a new process, because LIGGGHTS starts only once in a process."""
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=context, initializer=silence) as executor:
         return executor.submit(function, *arguments).result()
 
 
 def silence() -> None:
-    """LIGGGHTS greets on the standard output, which is that of the JSON."""
+    """Keep the greeting of LIGGGHTS off the standard output, which is for the JSON."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
@@ -86,7 +86,7 @@ def prepare(grading: str, particle_count: int, folder: Path) -> dict[str, object
 
 
 def driven(folder: Path, strain: float) -> dict[str, object]:
-    """One test as a campaign runs it; every time step is counted, beside the recorded ones too."""
+    """One test as a campaign runs it; all time steps are counted, not only the recorded ones."""
     chunks: list[int] = []
     whole_strain = np.zeros(3)
     strain_box = GrainBox.strain
@@ -112,7 +112,7 @@ def driven(folder: Path, strain: float) -> dict[str, object]:
 
 
 def uninterrupted(folder: Path, strain: list[float], steps: int) -> dict[str, object]:
-    """The same box through the same strain in the same steps by one `run`."""
+    """The same box along the same strain in the same steps, with one `run`."""
     specimen = PreparedSpecimen.load(folder)
     state = specimen.state(PRESSURE)
     begin = time.process_time()
@@ -120,7 +120,7 @@ def uninterrupted(folder: Path, strain: list[float], steps: int) -> dict[str, ob
         folder / "plain.log", folder / state.restart_file, specimen.diameters(),
         specimen.material, specimen.material.friction,
     )  # fmt: skip
-    box.sample_every(steps)  # no stress is asked for on the way
+    box.sample_every(steps)  # no stress is needed during the run
     box.strain(np.array(strain), steps)
     box.close()
     return {"cpu_seconds": time.process_time() - begin}

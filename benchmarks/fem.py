@@ -35,7 +35,7 @@ DENSITY = 2650.0
 SPEED = 0.1
 
 FEW = 3
-"""Steps for which points are called one by one; each costs the same."""
+"""Steps for which points are called one by one; all steps take the same time."""
 
 LOAD_STEPS = 100
 
@@ -44,7 +44,7 @@ Seconds = dict[str, float]
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is timed.
+    """Sizes of the timed analyses.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ QUICK = Sizes(200, ((5, 5), (11, 22)), (100, 50), 2)
 
 
 def explicit_run(cell: MaterialCell, mesh: PlaneMesh, steps: int) -> Callable[[], float]:
-    """So many steps of the biaxial test; the CPU seconds of its parts together."""
+    """CPU seconds of some steps of the biaxial test, for all its parts together."""
     step = time_step(cell, mesh)
     problem = Biaxial(confinement=1e5, end_strain=steps * step * SPEED / HEIGHT, speed=SPEED)
     settings = ExplicitSettings(time_step=step, modulus=modulus_of(cell), outputs=1)
@@ -86,7 +86,7 @@ def time_step(cell: MaterialCell, mesh: PlaneMesh) -> float:
 
 
 def gru() -> PathCell:
-    """The `gru` baseline with weights as drawn: an update costs the same as a trained one's."""
+    """The untrained `gru` baseline: an update takes the same time as a trained one's."""
     torch.manual_seed(0)
     network = GruNetwork(GruConfiguration())
     network.increment_scale.fill_(1e-3)
@@ -95,12 +95,12 @@ def gru() -> PathCell:
 
 
 def modulus_of(cell: MaterialCell) -> float | None:
-    """What the time step follows from where the cell's own tangent says nothing."""
+    """Modulus for the time step if the cell's own tangent cannot give it."""
     return 2e7 if isinstance(cell, PathCell) else None
 
 
 def bare_numpy(mesh: PlaneMesh, steps: int) -> Callable[[], float]:
-    """J2 and central differences on arrays, as short as they can be written."""
+    """J2 and central differences on arrays, in the simplest form."""
     cell = J2()
     values = cell.values()
     bulk, twice_shear = values["bulk_modulus"], 2.0 * values["shear_modulus"]
@@ -140,7 +140,7 @@ def bare_numpy(mesh: PlaneMesh, steps: int) -> Callable[[], float]:
 
 
 def point_by_point(cell: MaterialCell, mesh: PlaneMesh) -> float:
-    """CPU seconds in which one step calls its cell for one point after the other."""
+    """CPU seconds of one step that calls its cell for one point after the other."""
     operators = build_operators(mesh)
     stress = torch.from_numpy(Biaxial(confinement=1e5).initial_stress(operators.points, DENSITY)).T
     states = [cell.initial_state(Conditions(row[None])) for row in stress]
@@ -200,7 +200,7 @@ def growth(models: list[str], sizes: Sizes) -> list[dict[str, object]]:
 IMPLICIT = Biaxial(confinement=0.0, end_strain=0.1)
 
 TANGENT_TEST = Biaxial(confinement=1e5, end_strain=0.05)
-"""Rough, with CSUH, which has no tangent in closed form."""
+"""Rough biaxial test with CSUH, which has no tangent in closed form."""
 
 
 def implicit_run(
@@ -220,7 +220,7 @@ def implicit_run(
 
 
 def torch_fem_run(cell: IME, mesh: PlaneMesh, found: dict) -> Callable[[], float] | None:
-    """The same body by torch-fem; None where it is not installed.
+    """The same body with torch-fem; None if it is not installed.
 
     Its yield stress grows with the length of the plastic strain's path, which in this monotonic
     test differs little from the norm that `ime` has.
@@ -285,7 +285,7 @@ def implicit(models: list[str], sizes: Sizes) -> dict[str, object]:
 
 
 def tangents(sizes: Sizes) -> dict[str, object]:
-    """CSUH in the medium mesh: Newton with differences, and with automatic differentiation."""
+    """CSUH in the medium mesh, with finite differences and with automatic differentiation."""
     mesh = Biaxial().mesh("medium")
     found: dict[str, dict] = {"differences": {}, "automatic differentiation": {}}
     works = {}
@@ -317,7 +317,7 @@ def installed(package: str) -> str | None:
 
 def results(models: list[str], sizes: Sizes) -> dict[str, object]:
     torch.set_num_threads(1)
-    torch.set_default_dtype(torch.float64)  # torch-fem has no other way to ask for it
+    torch.set_default_dtype(torch.float64)  # torch-fem has no other setting for this
     packages = ("torch", "numpy", "scipy", "scikit-fem", "torch-fem")
     elastoplastic = [name for name in models if not MODELS[name].pressure_dependent]
     return {
@@ -374,7 +374,11 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
     parser.add_argument("--quick", action="store_true", help="few steps and two repeats")
     parser.add_argument(
-        "--models", nargs="+", choices=list(MODELS), default=["ime", "csuh"], help="beside j2"
+        "--models",
+        nargs="+",
+        choices=list(MODELS),
+        default=["ime", "csuh"],
+        help="models to time in addition to j2",
     )
     arguments = parser.parse_args()
     models = list(dict.fromkeys(["j2", *arguments.models]))

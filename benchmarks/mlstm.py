@@ -19,16 +19,16 @@ from torch import Tensor
 from granbench.baselines.recurrent_network import RecurrentConfiguration, RecurrentNetwork
 
 SIZES = (64, 256, 1024)
-"""Windows in a batch; 256 is that of Table 2.4."""
+"""Windows in a batch; 256 is the value of Table 2.4."""
 
 STEPS = 20
 REPEATS = 40
 LIMIT = 1.2
-"""`start_over_nn_lstm` at 256 windows, at most."""
+"""Largest allowed `start_over_nn_lstm` at 256 windows."""
 
 
 def rivals(windows: int) -> dict[str, Callable[[], Tensor]]:
-    """One forward pass of every rival on the same batch, each giving a scalar."""
+    """One forward pass of each implementation on the same batch; each gives a scalar."""
     mlstm = RecurrentNetwork(RecurrentConfiguration(initial_layer=True))
     lstm = RecurrentNetwork(RecurrentConfiguration(initial_layer=False))
     inputs, start = torch.randn(windows, STEPS, 7), torch.randn(windows, 5)
@@ -56,7 +56,7 @@ def rivals(windows: int) -> dict[str, Callable[[], Tensor]]:
 
 
 def measure(windows: int) -> dict[str, float]:
-    """CPU milliseconds of forward + backward, by rival; the medians of interleaved repeats."""
+    """CPU milliseconds of forward + backward for each, as medians of interleaved repeats."""
     passes = rivals(windows)
     times: dict[str, list[float]] = {name: [] for name in passes}
     for repeat in range(-5, REPEATS):

@@ -27,20 +27,20 @@ from granbench.models.j2 import J2
 
 PRESSURE = 1e5
 INCREMENT = 1.3e-3
-"""Median norm of a strain increment on the thesis' random paths."""
+"""Median norm of a strain increment on the random paths of the thesis."""
 
 MILDER = 0.1
-"""Of those increments, for models that lose their pressure on them."""
+"""Factor on these increments for models whose mean stress would otherwise fall to zero."""
 
 STEPS = 200
 FEW = 200
-"""Points for which the point-by-point rival is timed; it costs the same for each."""
+"""Points for which the point-by-point update is timed; each takes the same time."""
 
 BLOCK = 10_000
-"""Points that torch-fem is given at a time: at more, its fourth-order tensors fill the memory."""
+"""Points given to torch-fem at a time; with more, its fourth-order tensors fill the memory."""
 
 SHORTEST = 0.02
-"""Seconds of a timing: work that takes less is repeated."""
+"""Shortest timing in seconds: faster work is repeated."""
 
 THREE_DIMENSIONAL = {"bulk_modulus": 2e7, "shear_modulus": 1.2e7, "yield_stress": 1e5}
 
@@ -49,7 +49,7 @@ Work = Callable[[], object]
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is timed.
+    """Sizes of the timed work.
 
     Parameters
     ----------
@@ -124,13 +124,13 @@ def numpy_step() -> Work:
 
 
 def matrices(components: Tensor) -> np.ndarray:
-    """(point, 2, 2) of (point, 3)."""
+    """Components (point, 3) as matrices (point, 2, 2)."""
     xx, yy, xy = components.numpy().T
     return np.array([[xx, xy], [xy, yy]]).transpose(2, 0, 1).copy()
 
 
 def torch_fem_step(cell: J2, points: int) -> Work | None:
-    """The same increments of the same stresses by torch-fem; None where it is not installed."""
+    """The same increments of the same stresses with torch-fem; None if it is not installed."""
     try:
         from torchfem.materials import IsotropicPlasticity3D
     except ImportError:
@@ -159,7 +159,7 @@ def torch_fem_step(cell: J2, points: int) -> Work | None:
 
 
 def interleaved(works: dict[str, Work], repeats: int) -> dict[str, float]:
-    """CPU seconds of each, the median of repeats that take turns, each long enough to time."""
+    """CPU seconds of each, as the median of alternating repeats that are long enough to time."""
     calls = {name: max(1, math.ceil(SHORTEST / timed(work, 1))) for name, work in works.items()}
     times = [
         {name: timed(work, calls[name]) / calls[name] for name, work in works.items()}
@@ -176,7 +176,7 @@ def timed(work: Work, calls: int) -> float:
 
 
 def updates(models: list[str], sizes: Sizes) -> list[dict[str, object]]:
-    """Seconds of one update by model and rival, at every number of points."""
+    """Seconds of one update by implementation, at every number of points."""
     rows: list[dict[str, object]] = []
     for points in sizes.points:
         works = {name: step_of(MODELS[name](), points) for name in models}
@@ -212,7 +212,7 @@ def step_of(cell: ClassicalCell, points: int, *, tangent: bool = False) -> Work:
 
 
 def ratios(seconds: dict[str, float]) -> dict[str, float]:
-    """How many times slower the rivals are."""
+    """How many times slower the other implementations are."""
     found = {"numpy_over_j2": seconds["numpy, point by point"] / seconds["j2"]}
     if rival := seconds.get("torch-fem, 3-D with tangent"):
         found["torch_fem_over_j2"] = rival / seconds["j2"]
@@ -256,7 +256,7 @@ def installed(package: str) -> str | None:
 
 def results(models: list[str], sizes: Sizes) -> dict[str, object]:
     torch.set_num_threads(1)
-    torch.set_default_dtype(torch.float64)  # torch-fem has no other way to ask for it
+    torch.set_default_dtype(torch.float64)  # torch-fem has no other setting for this
     return {
         "benchmark": "models",
         "versions": {name: installed(name) for name in ("torch", "numpy", "torch-fem")},
@@ -293,7 +293,11 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
     parser.add_argument("--quick", action="store_true", help="small sizes and two repeats")
     parser.add_argument(
-        "--models", nargs="+", choices=list(MODELS), default=list(MODELS), help="beside j2"
+        "--models",
+        nargs="+",
+        choices=list(MODELS),
+        default=list(MODELS),
+        help="models to time in addition to j2",
     )
     arguments = parser.parse_args()
     models = list(dict.fromkeys(["j2", *arguments.models]))

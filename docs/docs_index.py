@@ -1,7 +1,7 @@
 """Write the list of all pages into docs/README.md.
 
-``python docs/docs_index.py`` from the root of the checkout; `make docs` does it, last of all. A
-test checks that every page is in the list.
+Run ``python docs/docs_index.py`` from the root of the checkout; `make docs` does this last. A test
+checks that every page is in the list.
 """
 
 from pathlib import Path
@@ -13,7 +13,7 @@ INDEX = DOCS / "README.md"
 
 
 def index() -> str:
-    """The index as it should read: every page by its title, those of one folder together."""
+    """Text of docs/README.md with the titles of all pages, sorted by folder."""
     pages = sorted(DOCS.rglob("*.md"), key=lambda page: (len(page.parents), page.as_posix()))
     entries = [
         f"- [{_title(page)}]({page.relative_to(DOCS).as_posix()})"
@@ -24,7 +24,7 @@ def index() -> str:
 
 
 def _title(page: Path) -> str:
-    """The first heading."""
+    """First heading of a page."""
     lines = page.read_text(encoding="utf-8").splitlines()
     return next(line for line in lines if line.startswith("# ")).removeprefix("# ").strip()
 

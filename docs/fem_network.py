@@ -1,6 +1,6 @@
-"""The part of docs/fem.md on trained networks inside the problems: its tables and figures.
+"""Tables and figures of the part of docs/fem.md on trained networks in the problems.
 
-The networks are those of the board, a folder a seed.
+The networks are those of the leaderboard, with one folder for each seed.
 """
 
 from collections.abc import Mapping
@@ -21,14 +21,14 @@ from granbench.plotting.style import LINE_STYLES, figure_grid, house_style, mode
 
 @dataclass(frozen=True)
 class Exhibit:
-    """A network of the board in place of the model that made its data.
+    """A network of the leaderboard that takes the place of the model that made its data.
 
     Parameters
     ----------
-    task : what it was trained on
+    task : task that it was trained on
     truth : the model that made the data
-    network : its name on the board
-    problems : what is analysed, and on which mesh, by name
+    network : its name on the leaderboard
+    problems : problem and mesh of each analysis, by name
     """
 
     task: str
@@ -46,7 +46,7 @@ class Exhibit:
 
 
 CONFINEMENT = 1e5
-"""Pa, in the middle of those that `fem-ime` was made with."""
+"""Confining stress in Pa, in the middle of the range of `fem-ime`."""
 
 EXHIBITS: Mapping[str, Exhibit] = {
     "network": Exhibit(
@@ -71,12 +71,12 @@ EXHIBITS: Mapping[str, Exhibit] = {
         },
     ),
 }
-"""By the part of the page."""
+"""Exhibits by the name of their part of the page."""
 
 SOLVERS = ("implicit", "explicit")
 
 Runs = Mapping[tuple[str, str], Mapping[str, xr.Dataset]]
-"""By problem and solver: the analysis with the ground truth, and that with each seed."""
+"""Analyses with the ground truth and with each seed, by problem and solver."""
 
 
 def analyses(exhibit: Exhibit) -> Runs:
@@ -94,7 +94,7 @@ def analyses(exhibit: Exhibit) -> Runs:
 
 
 def network_part(exhibit: Exhibit, found: Runs) -> str:
-    """How far reaction and volumetric strain of the networks are from those of the truth."""
+    """Table of the errors of reaction and volumetric strain with the networks."""
     rows = []
     for (problem, solver), runs in found.items():
         truth = runs[exhibit.truth]
@@ -128,7 +128,7 @@ def _distance(series: xr.DataArray, truth: xr.DataArray) -> float:
 
 @house_style
 def network_figure(exhibit: Exhibit, found: Runs) -> Figure:
-    """Reaction against driving strain: the truth as dots, a line with dashes of its own a seed."""
+    """Reaction against driving strain: dots for the truth, a different line style for each seed."""
     figure, axes = figure_grid(len(exhibit.problems), len(SOLVERS), panel=(3.6, 2.6))
     colour = model_styles([exhibit.network])[exhibit.network].colour
     seeds = [label for label in next(iter(found.values())) if label != exhibit.truth]

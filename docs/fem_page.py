@@ -1,7 +1,7 @@
 """Write the tables and figures of docs/fem.md.
 
-``python docs/fem_page.py`` from the root of the checkout; `make docs` does it. A test checks that
-the page holds what this makes.
+Run ``python docs/fem_page.py`` from the root of the checkout; `make docs` does this. A test checks
+that the page is up to date.
 """
 
 from collections.abc import Callable, Mapping
@@ -32,13 +32,13 @@ PAGE = Path(__file__).parent / "fem.md"
 FOLDER = Path(__file__).parent / "fem"
 
 STRENGTH, YOUNG, PRESSURE = 1e5, 200e6, 1e5
-"""Of the perfectly plastic material whose limit loads are known, and of a surcharge; Pa."""
+"""Strength and modulus of the perfectly plastic material, and surcharge in the limit loads; Pa."""
 
 DRAWN_STEPS = 50
 
 
 def problems_part() -> str:
-    """Every problem, what drives it, and its meshes."""
+    """Table of the problems with their drives and meshes."""
     rows = []
     for name, kind in PROBLEMS.items():
         problem = kind()
@@ -48,12 +48,13 @@ def problems_part() -> str:
             default = " (default)" if mesh == kind.default_mesh else ""
             meshes.append(f"`{mesh}` {points}{default}")
         rows.append((f"`{name}`", kind.drive, kind.length, kind.reaction, ", ".join(meshes)))
-    header = ("problem", "drive", "driving strain: over", "reaction", "meshes, Gauss points")
+    length = "driving strain is the displacement divided by the"
+    header = ("problem", "drive", length, "reaction", "meshes, Gauss points")
     return table(header, rows)
 
 
 def choices_part() -> str:
-    """What may be chosen in which problem, with its default."""
+    """Table of the choices of all problems, with their defaults."""
     meanings = {
         field.name: field.metadata["meaning"]
         for kind in PROBLEMS.values()
@@ -122,7 +123,7 @@ LIMITS: Mapping[str, tuple[Callable[[], Problem], str, str, float]] = {
 
 
 def limits_part() -> str:
-    """Limit loads of the implicit solver over the exact ones."""
+    """Table of the limit loads of the implicit solver, divided by the exact ones."""
     rows = []
     for meaning, (problem, model, meshes, exact) in LIMITS.items():
         found = dict.fromkeys(("coarse", "medium", "fine"), "–")
@@ -135,7 +136,7 @@ def limits_part() -> str:
 
 
 def speeds_part() -> str:
-    """How far the explicit solver's reaction at the end is from the implicit one's."""
+    """Table of the reactions at the end: implicit, and how far the explicit ones differ."""
     rows = []
     for name in PROBLEMS:
         static = run(find_problem(name), MODELS["j2"](), solver="implicit", mesh="coarse").check()
@@ -150,7 +151,7 @@ def speeds_part() -> str:
 
 
 def analyses() -> dict[str, xr.Dataset]:
-    """What the figure of results shows, by problem."""
+    """Implicit analyses of all problems with `ime`, for the figure of results."""
     settings = ImplicitSettings(steps=DRAWN_STEPS)
     return {
         name: run(find_problem(name), MODELS["ime"](), solver=settings, mesh="medium").check()
@@ -181,12 +182,12 @@ def results_figure(found: Mapping[str, xr.Dataset]) -> Figure:
 
 
 def cheap_parts() -> dict[str, str]:
-    """Parts that take no analysis."""
+    """Parts that need no analysis."""
     return {"problems": problems_part(), "choices": choices_part()}
 
 
 def analysed_parts() -> dict[str, str]:
-    """Parts that take analyses of classical models: half a minute."""
+    """Parts that need analyses of classical models, about half a minute."""
     return {"limits": limits_part(), "speeds": speeds_part()}
 
 

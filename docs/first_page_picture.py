@@ -1,6 +1,6 @@
-"""Draw the picture of README.md: what is generated, what is scored, and what it is for.
+"""Draw the picture in README.md: generated tests, a score, and a finite-element analysis.
 
-``python docs/first_page_picture.py`` from the root of the checkout; `make docs` does it.
+Run ``python docs/first_page_picture.py`` from the root of the checkout; `make docs` does this.
 """
 
 from pathlib import Path
@@ -23,15 +23,15 @@ PICTURE = Path(__file__).with_name("first_page.png")
 TESTS = ("constant-p", 5e5, "fractal-1.5")
 """Loading family, mean stress (Pa) and grading of the particle tests that are shown."""
 NETWORKS = ("mlstm", "lstm", "persistence")
-"""Rows of the board whose rollouts are shown."""
+"""Models on the leaderboard whose rollouts are shown."""
 INSIDE = {
     "ime": "truth",
     "j2-fitted": "j2-fitted.model/0",
     "gru-change": "gru-change.model/0",
 }
-"""Models in the analysis: the ground truth, and folders of the board on `fem-ime`."""
+"""Models in the analysis: the ground truth, and model folders on the leaderboard of `fem-ime`."""
 CONFINEMENT = 1e5
-"""Pa, in the middle of those that `fem-ime` was made with."""
+"""Confining stress in Pa, in the middle of the range of `fem-ime`."""
 
 
 @house_style
@@ -45,7 +45,7 @@ def first_page_figure() -> Figure:
 
 
 def _particle_tests(axis: Axes) -> None:
-    """Deviatoric stress of triaxial compression of one grading, from dense to loose."""
+    """Deviatoric stress in triaxial compression of one grading, from dense to loose."""
     family, pressure, grading = TESTS
     records = granbench.data.load("dem-triaxial")
     start = records["initial_mean_stress"].values
@@ -72,7 +72,7 @@ def _spread(tests: xr.Dataset, count: int) -> list[int]:
 
 
 def _rollout_errors(axis: Axes) -> None:
-    """Error of free rollouts against the number of steps since the truth was given."""
+    """Error of rollouts against the number of steps since the start."""
     rows = {row.submission.name: row.submission for row in accepted(default_folder())
             if row.submission.task == "dem-triaxial"}  # fmt: skip
     styles = model_styles(rows)
@@ -84,7 +84,7 @@ def _rollout_errors(axis: Axes) -> None:
         )
         axis.plot(curve.horizon, curve.value, **styles[name].line(), label=name)
     axis.set(xlabel="steps since the start", ylabel="normalised squared error", yscale="log")
-    axis.set_title("score: error of a free rollout")
+    axis.set_title("score: error along whole paths")
     axis.legend()
 
 
@@ -103,7 +103,7 @@ def _analysis(axis: Axes) -> None:
         else:
             axis.plot(strain, reaction, **styles[name].line(), label=name)
     axis.set(xlabel="driving strain [%]", ylabel="reaction [kN/m]")
-    axis.set_title("use: finite elements, model inside")
+    axis.set_title("use: finite-element analysis")
     axis.legend()
 
 

@@ -1,7 +1,7 @@
 """Write the generated parts of the pages on classical models, and their figures.
 
-``python docs/model_pages.py`` from the root of the checkout; `make docs` does it. A test checks
-that the pages hold what this makes.
+Run ``python docs/model_pages.py`` from the root of the checkout; `make docs` does this. A test
+checks that the pages are up to date.
 """
 
 import math
@@ -24,18 +24,18 @@ from granbench.tensors import COMPONENT_ORDERS
 MODEL_PAGES = Path(__file__).parent / "models"
 START_PRESSURE = 1e5
 SMALLEST_SHOWN = 1e-6
-"""Relative difference below which only that is said."""
+"""Smallest relative difference that is shown as a number."""
 
 
 @dataclass(frozen=True)
 class Summary:
-    """What the index says of a model beside what the model knows of itself.
+    """Text about a model in the index, in addition to the attributes of the model.
 
     Parameters
     ----------
     pressure : how its strength depends on the mean stress
-    hardening : what moves its yield surface
-    thesis : section
+    hardening : quantity that moves its yield surface
+    thesis : section of the thesis
     """
 
     pressure: str
@@ -50,14 +50,14 @@ SUMMARIES: Mapping[str, Summary] = {
     "ime": Summary("no", "plastic strain", "5.2.1, 7.3.1"),
     "enhanced-ime": Summary("yes", "plastic shear strain, compaction", "7.3.2"),
     "csuh": Summary("yes, and on density", "plastic volume change, by state", "5.2.1, 7.4"),
-    "modified-cam-clay": Summary("yes, and on density", "plastic volume change", "named in 7.4"),
+    "modified-cam-clay": Summary("yes, and on density", "plastic volume change", "see 7.4"),
 }
 
 GREEK = ("sigma", "lambda", "kappa", "chi", "nu")
 
 
 def mathematics(symbol: str) -> str:
-    """A parameter's symbol, such as `eps_0p`, as inline mathematics."""
+    """Symbol of a parameter, such as `eps_0p`, as inline mathematics."""
     base, _, index = symbol.partition("_")
     if base in GREEK:
         base = f"\\{base}"
@@ -69,7 +69,7 @@ def mathematics(symbol: str) -> str:
 
 
 def limits(parameter: Parameter) -> str:
-    """The open range of a parameter, for people."""
+    """Open range of a parameter, as text."""
     low, high = parameter.lower, parameter.upper
     if math.isinf(low) and math.isinf(high):
         return "any"
@@ -79,7 +79,7 @@ def limits(parameter: Parameter) -> str:
 
 
 def parameter_part(model: type[ClassicalCell]) -> str:
-    """Every parameter with its meaning and range."""
+    """Table of the parameters with their meanings and ranges."""
     rows = [
         (f"`{one.name}`", mathematics(one.symbol), one.units, one.meaning, limits(one))
         for one in model.parameter_table
@@ -88,7 +88,7 @@ def parameter_part(model: type[ClassicalCell]) -> str:
 
 
 def set_part(model: type[ClassicalCell]) -> str:
-    """The values of every published set."""
+    """Table of the values of all published sets."""
     names = [f"`{name}`" for name in model.parameter_sets]
     names[0] += " (default)"
     rows = [
@@ -99,7 +99,7 @@ def set_part(model: type[ClassicalCell]) -> str:
 
 
 def state_part(model: type[ClassicalCell]) -> str:
-    """What a cell of the plane carries, and its values at an isotropic stress."""
+    """Table of the state in plane components, with its values at an isotropic stress."""
     cell = model(order="plane")
     with torch.no_grad():
         start = torch.from_numpy(isotropic_stress(START_PRESSURE, "plane"))[None]
@@ -121,7 +121,7 @@ def _unit_and_meaning(name: str) -> tuple[str, str]:
 
 
 def comparison_part(evidence: Evidence) -> str:
-    """Numbers of the drawn curves beside their closed forms."""
+    """Table that compares numbers of the drawn curves with their closed forms."""
     rows = [
         (
             one.what,
@@ -143,7 +143,7 @@ def _difference(comparison: Comparison) -> str:
 
 
 def model_page(name: str, evidence: Evidence) -> str:
-    """The page of a model as it should read."""
+    """Text of the page of a model."""
     model = MODELS[name]
     parts = {
         "parameters": parameter_part(model),
@@ -155,7 +155,7 @@ def model_page(name: str, evidence: Evidence) -> str:
 
 
 def models_index() -> str:
-    """The index of the models as it should read."""
+    """Text of the index of the models."""
     rows = [
         (
             f"[`{name}`]({name}.md)",

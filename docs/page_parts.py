@@ -1,7 +1,7 @@
-"""What the scripts of this folder put into pages: text between markers, and small pictures.
+"""Functions that put text between the markers of a page, and that write small pictures.
 
-A page holds the two lines ``<!-- NAME:begin -->`` and ``<!-- NAME:end -->``; what stands between
-them is written by a script, the rest by hand.
+A page has the two lines ``<!-- NAME:begin -->`` and ``<!-- NAME:end -->``; the text between them is
+written by a script, the rest by hand.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ from PIL import Image
 from granbench.plotting import save_figure
 
 COLOURS = 64
-"""Of a picture's palette: lines and their soft edges need no more, at a third of the bytes."""
+"""Size of a picture's palette: enough for lines and their soft edges, in a third of the bytes."""
 
 
 def markers(name: str) -> tuple[str, str]:
@@ -38,7 +38,7 @@ def with_part(page: str, name: str, text: str) -> str:
 
 
 def with_parts(page: str, parts: Mapping[str, str]) -> str:
-    """The page with the text of every part between its markers."""
+    """The page with the text of each part between its markers."""
     for name, text in parts.items():
         page = with_part(page, name, text)
     return page

@@ -1,8 +1,8 @@
 """Write the statistics and the figure of docs/random_paths.md.
 
-``python docs/random_paths_page.py`` from the root of the checkout; `make docs` does it. The paths
-are those of the preset `core` of the `gp-*` datasets with the default seed, before they are rounded
-to the strain grid.
+Run ``python docs/random_paths_page.py`` from the root of the checkout; `make docs` does this. The
+paths are those of the preset `core` of the `gp-*` datasets with the default seed, before they are
+rounded to the strain grid.
 """
 
 from pathlib import Path
@@ -26,17 +26,17 @@ from granbench.tensors import COMPONENT_ORDERS, frobenius_norm
 PAGE = Path(__file__).parent / "random_paths.md"
 PICTURE = Path(__file__).parent / "random_paths.png"
 SEED = 0
-"""Default of `granbench generate`."""
+"""Default seed of `granbench generate`."""
 
 SHOWN = ("train/0000", "train/0001", "train/0002", "ood-rougher/0000", "ood-cyclic/0000")
 SCALED_PATHS = 200
-"""Training paths that the admissible factors are counted over."""
+"""Number of training paths for the statistics of the volumetric factors."""
 
 PRESSURE_DEPENDENT = {"gp-dp": "drucker-prager", "gp-csuh": "csuh"}
 
 
 def drawn() -> xr.Dataset:
-    """The training paths and those out of distribution, as a dataset would have them."""
+    """Training paths and paths out of distribution, laid out as in a dataset."""
     counts = {"train": CORE.train} | dict.fromkeys(OUT_OF_DISTRIBUTION, CORE.ood)
     families = {"train": THESIS_PATHS, **OUT_OF_DISTRIBUTION}
     strain = [
@@ -54,7 +54,7 @@ def drawn() -> xr.Dataset:
 
 
 def families_part() -> str:
-    """What the splits out of distribution are drawn from."""
+    """Table of the families and ranges that the splits are drawn from."""
     rows = []
     for split, family in {"train, validation, test": THESIS_PATHS, **OUT_OF_DISTRIBUTION}.items():
         ranges = family.model_dump().items()
@@ -64,7 +64,7 @@ def families_part() -> str:
 
 
 def statistics_part(paths: xr.Dataset) -> str:
-    """Median increments, standard deviations and the largest strain, by split."""
+    """Table of median increments, standard deviations and the largest strain, by split."""
     splits = paths["split"].values.astype(str)
     rows = []
     for split in dict.fromkeys(splits.tolist()):
@@ -94,7 +94,7 @@ def statistics_part(paths: xr.Dataset) -> str:
 
 
 def factors_part(paths: xr.Dataset) -> str:
-    """How much of their volume change the first training paths keep, by dataset."""
+    """Table of the volumetric factors of the first training paths, by dataset."""
     strain = paths["strain"].values[:SCALED_PATHS]
     rows = []
     for dataset, model in PRESSURE_DEPENDENT.items():
@@ -107,7 +107,7 @@ def factors_part(paths: xr.Dataset) -> str:
 
 
 def page(paths: xr.Dataset) -> str:
-    """The page as it should read."""
+    """Text of the page."""
     parts = {
         "families": families_part(),
         "factors": factors_part(paths),

@@ -1,7 +1,7 @@
 """Write the tables of scores into docs/scores.md from the accepted submissions.
 
-``python docs/scores_page.py`` from the root of the checkout; `make docs` does it. A test checks
-that the tables in docs/scores.md are those that this makes.
+Run ``python docs/scores_page.py`` from the root of the checkout; `make docs` does this. A test
+checks that the tables in docs/scores.md are up to date.
 """
 
 import math
@@ -22,10 +22,10 @@ from granbench.leaderboard.tables import headline_table
 PAGE = Path(__file__).with_name("scores.md")
 TASK, SPLIT = "dem-triaxial", "test"
 LEAST = 1e-300
-"""Stands for zero in a mean of logarithms."""
+"""Replaces zero in a mean of logarithms."""
 HEADLINE = headline_axis().headline or Highlight("", "", "", "")
 COLUMNS = (HEADLINE, *(place for axis in axes() for place in axis.highlights))
-"""Of the table of tasks with analyses."""
+"""Columns of the table of tasks with analyses."""
 RANDOM_PATH_TASKS = ("gp-j2", "gp-dp", "gp-j2-hardening", "gp-ime", "gp-csuh")
 ANALYSED_TASKS = ("fem-ime", "fem-csuh")
 
@@ -35,8 +35,8 @@ def scores_table(submissions: Sequence[Submission], floor: float | None) -> str:
 
     Parameters
     ----------
-    submissions : of one task
-    floor : normalised MSE that scatter between packings alone gives
+    submissions : submissions to one task
+    floor : normalised mean squared error due to the scatter between packings alone
     """
     board = headline_table(submissions, SPLIT, floor)
     assert board is not None  # every accepted submission has the score
@@ -51,11 +51,11 @@ def scores_table(submissions: Sequence[Submission], floor: float | None) -> str:
 
 
 def rollout_table(by_task: Mapping[str, Sequence[Submission]]) -> str:
-    """Markdown table of the whole-path rollout: models against tasks, in the order of their mean.
+    """Markdown table of rollout errors by model and task, in the order of the mean error.
 
     Parameters
     ----------
-    by_task : submissions of each task; a model that a task has none of gets a dash
+    by_task : submissions to each task; a model without a submission to a task gets a dash
     """
     known: dict[str, dict[str, Score]] = {}
     for task, submissions in by_task.items():
@@ -77,11 +77,11 @@ def rollout_table(by_task: Mapping[str, Sequence[Submission]]) -> str:
 
 
 def analyses_table(by_task: Mapping[str, Sequence[Submission]]) -> str:
-    """Markdown table of path and analysis errors: models, in the order of their tasks and errors.
+    """Markdown table of path and analysis errors, in the order of tasks and errors.
 
     Parameters
     ----------
-    by_task : submissions of each task that states analyses
+    by_task : submissions to each task with analyses
     """
     header = ("task", "model", *(place.title for place in COLUMNS))
     rows = []
@@ -115,7 +115,7 @@ def _shown(score: Score | None) -> str:
 
 
 def scores_page() -> str:
-    """docs/scores.md as it should read: the scores on the newest version of each dataset."""
+    """Text of docs/scores.md with the scores on the newest version of each dataset."""
     page = PAGE.read_text(encoding="utf-8")
     if rows := newest(TASK):
         scatters = replicate_scatters(row.dataset for row in rows)
@@ -129,7 +129,7 @@ def scores_page() -> str:
 
 
 def newest(task: str) -> list[Submission]:
-    """The accepted submissions on the newest version of a task's dataset."""
+    """Accepted submissions on the newest version of a task's dataset."""
     found = [row.submission for row in accepted(default_folder()) if row.submission.task == task]
     versions = {row.dataset.version for row in found}
     last = max(versions, key=lambda v: tuple(map(int, v.split("."))), default="")

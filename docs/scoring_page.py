@@ -1,8 +1,9 @@
-"""Write docs/scoring.md: its axes, from the sections that they bring.
+"""Write the sections of the axes into docs/scoring.md.
 
-``python docs/scoring_page.py`` from the root of the checkout writes the sections of the registered
-axes into the page; a test checks it. With submissions as arguments (``python docs/scoring_page.py
-j2.json ...``) it first writes the measured tables into the sections (`section.md` beside an axis).
+Run ``python docs/scoring_page.py`` from the root of the checkout to write the sections of all
+registered axes into the page; a test checks that they are up to date. With submissions as arguments
+(``python docs/scoring_page.py j2.json ...``) it first writes the measured tables into the sections
+(the file `section.md` in the folder of an axis).
 """
 
 import sys
@@ -20,14 +21,14 @@ OWN = "granbench"
 
 
 def page() -> str:
-    """docs/scoring.md as it should read; axes of other packages are left out."""
+    """Text of docs/scoring.md with the sections of GranBench's own axes."""
     sections = [axis.section() for axis in axes() if type(axis).__module__.startswith(OWN)]
     text = PAGE.read_text(encoding="utf-8")
     return with_part(text, "axes", "\n" + "\n".join(sections))
 
 
 def write_measured_tables(submissions: Sequence[Submission]) -> None:
-    """Write what was measured of a few models into the sections of the axes."""
+    """Write the measured tables of some models into the sections of the axes."""
     for axis in axes():
         if tables := axis.measured_tables(submissions):
             file = section_path(str(sys.modules[type(axis).__module__].__file__))

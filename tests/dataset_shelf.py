@@ -26,7 +26,7 @@ class Shelf:
     def publish(
         self, ds: xr.Dataset, version: str = "1.0.0", mirrors: Iterable[str] = ()
     ) -> RegistryEntry:
-        """Write the dataset into the mirror folder, which nobody is told of, and register it."""
+        """Write the dataset into the mirror folder, which no setting names, and register it."""
         file = self.mirror / f"synthetic-{version}.nc"
         write_records(ds.assign_attrs(version=version), file)
         return register(

@@ -33,7 +33,7 @@ def elastic(order: str = "principal", dtype: torch.dtype = torch.float64) -> Mod
 
 
 class Learnt(Elastic):
-    """A network with a hidden state beside an elastic part.
+    """A network with a hidden state, added to an elastic part.
 
     It is neither isotropic nor independent of the size of the increments.
     """

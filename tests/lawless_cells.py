@@ -19,7 +19,7 @@ class Elastic(torch.nn.Module):
 
 
 class StiffInShear(torch.nn.Module):
-    """Stiffer along the diagonals than along the axes, both of which it treats alike."""
+    """Stiffer along the diagonals than along the axes, both of which it treats in the same way."""
 
     def forward(self, dstrain: Tensor, stress: Tensor) -> Tensor:
         return stress + elastic(dstrain) * torch.tensor([1.0, 1.0, 1.5], dtype=stress.dtype)

@@ -46,7 +46,7 @@ def test_a_model_of_another_package_is_found_by_its_name(plug_in) -> None:
         require_data_only(found)  # a rerun of a submission runs GranBench's own code alone
 
 
-def test_a_model_of_granbench_goes_before_another_of_its_name(plug_in) -> None:
+def test_a_model_of_granbench_has_priority_over_another_of_its_name(plug_in) -> None:
     plug_in(j2="my_models:Clay")
     assert MODELS["j2"] is J2
     assert MODELS.own("j2")
@@ -74,7 +74,7 @@ def test_two_packages_that_register_one_name_are_refused(plug_in) -> None:
         find_cells("clay")
 
 
-def test_a_name_that_nobody_registers_is_missing() -> None:
+def test_an_unregistered_name_is_an_error() -> None:
     assert "no-such-model" not in MODELS
     with pytest.raises(KeyError):
         MODELS["no-such-model"]

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# From particles to a leaderboard row, about ten minutes on two cores: `make demo`, or
-# demo.sh [FOLDER] with GranBench installed. Every line that begins with $ is a command that can
-# be typed by hand. Run it again to continue after an interruption.
+# From particles to a leaderboard row in about five minutes on two cores: `make demo`, or
+# demo.sh [FOLDER] if GranBench is installed. Every line of the output that begins with $ is a
+# command that can be typed by hand. Run it again to continue after an interruption.
 set -euo pipefail
 out=${1:-demo-out}
 minutes=${TRAINING_MINUTES:-3}
@@ -16,30 +16,30 @@ run() {
 }
 mkdir -p "$out/pictures"
 
-title "1. Fresh DEM tests on two small packings"
+title "1. New tests on two small packings with the discrete element method (DEM)"
 if command -v liggghts >/dev/null; then
   run granbench generate dem-triaxial --preset smoke --out "$out/fresh" --workers 2
   specimen=$(ls -d "$out"/fresh/campaign/results/specimen* | head -n 1)
   python docs/examples/packing_picture.py "$specimen" "$out/pictures/packing.png" >"$out/fresh/picture.log"
 else
-  echo "LIGGGHTS is missing, so no fresh tests are made; everything below works without it."
+  echo "LIGGGHTS is not installed, so no new tests are made; everything below works without it."
 fi
 
-title "2. The shipped dataset, fetched and verified"
+title "2. The dataset dem-triaxial: fetch and verify it"
 run granbench data fetch dem-triaxial --dest "$out"
 run granbench data verify "$out"/dem-triaxial-*.nc
 run granbench data info dem-triaxial
 
-title "3. An mLSTM, trained for $minutes minutes"
+title "3. A long short-term memory network with the initial state as input (mLSTM), trained for $minutes minutes"
 run granbench train mlstm --task dem-triaxial --budget "$minutes" --out "$out/mlstm"
 
-title "4. Its scores against the shipped LSTM and the floors"
+title "4. Its scores, compared with the network without that input (LSTM) and two simple models"
 run granbench evaluate "$out/mlstm" --task dem-triaxial --name mlstm-demo \
   --against "$board/lstm.json" --against "$board/linear-elastic.json" \
   --against "$board/persistence.json" --out "$out/submission.json"
 run granbench submission validate "$out/submission.json"
 
-title "5. The leaderboard with its row"
+title "5. The leaderboard with the new row"
 run granbench leaderboard build --with "$out/submission.json" --out "$out/leaderboard"
 
 title "6. Pictures"

@@ -1,8 +1,8 @@
-"""A model of one's own carries a rigid strip footing.
+"""Analyse a rigid strip footing on a user-defined model.
 
-``python footing_on_a_model.py`` writes footing.nc and footing.png where it is run; so does
-``granbench fem strip-footing --cell footing_on_a_model:cell --out footing.nc --plot footing.png``
-beside this file.
+``python footing_on_a_model.py`` writes footing.nc and footing.png to the current folder. In the
+folder of this file, the same can be done with
+``granbench fem strip-footing --cell footing_on_a_model:cell --out footing.nc --plot footing.png``.
 """
 
 import torch
@@ -17,7 +17,7 @@ class Softening(torch.nn.Module):
     """Elastic, with a shear stress that tends to a limit."""
 
     def forward(self, dstrain, stress):
-        """Stress after a strain increment, compression positive: (point, component) all."""
+        """Stress after a strain increment; all are (point, component), compression positive."""
         difference = torch.hypot(stress[:, 0] - stress[:, 1], 2.0 * stress[:, 2])
         shear = 10e6 * torch.exp(-difference / 50e3).unsqueeze(1)
         volume = 0.5 * (dstrain[:, :2].sum(dim=1, keepdim=True)) * torch.tensor([1.0, 1.0, 0.0])
@@ -35,4 +35,4 @@ if __name__ == "__main__":
     analysis.write("footing.nc")
     footing = analysis.check()
     save_figure(analysis_figure(footing), "footing.png")
-    print(f"half of the footing bears {float(footing['reaction'][-1]) / 1e3:.1f} kN/m")
+    print(f"half of the footing carries {float(footing['reaction'][-1]) / 1e3:.1f} kN/m")

@@ -1,7 +1,7 @@
-"""Draw a packing that a DEM campaign prepared: packing_picture.py SPECIMEN_FOLDER PICTURE.
+"""Draw a packing of the discrete element method: packing_picture.py SPECIMEN_FOLDER PICTURE.
 
-The grains are read back from the restart file of the specimen's lowest pressure by LIGGGHTS
-itself, which writes nothing else that holds their places.
+LIGGGHTS reads the grains from the restart file of the specimen's lowest pressure, because no other
+file of the campaign contains their positions.
 """
 
 import sys

@@ -1,8 +1,8 @@
-"""Draw a submission against others: prediction_pictures.py FOLDER SUBMISSION [SUBMISSION ...].
+"""Compare submissions: prediction_pictures.py FOLDER SUBMISSION [SUBMISSION ...].
 
-Two pictures go to FOLDER: stress and void ratio along the typical path of each loading family,
-measured and predicted, and the error of every model against the horizon. Typical is the path of
-median error of the first submission.
+This writes two pictures to FOLDER: measured and predicted stress and void ratio along a typical
+path of each loading family, and the error of every model against the number of steps since the
+start. The typical path is the one with the median error of the first submission.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""What the pages of the classical models show: one function a model runs its tests."""
+"""Tests shown on the pages of the classical models, with one function for each model."""
 
 from collections.abc import Callable, Mapping
 

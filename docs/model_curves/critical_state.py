@@ -1,4 +1,4 @@
-"""Figures of `csuh` and `modified-cam-clay`, which end at their critical states."""
+"""Tests of `csuh` and `modified-cam-clay`, which end at their critical states."""
 
 from collections.abc import Sequence
 
@@ -23,17 +23,18 @@ from model_curves.element import (
 )
 
 HELD_WITHIN = 1e-4
-"""Of the stress, in drained tests: a tenth of what a page shows, for a third of the time."""
+"""Relative tolerance of held stresses in drained tests: a tenth of what a page shows, in a third of
+the time."""
 
 
 def undrained(cell: ClassicalCell, specimens: Sequence[Specimen]) -> xr.Dataset:
-    """Undrained triaxial compression: no stress is sought, for the models keep s22 = s33."""
+    """Undrained triaxial compression; no stress is held, because the models keep s22 = s33."""
     strain = np.stack([one.history for one in specimens])[..., None] * np.array([1.0, -0.5, -0.5])
     return strain_path(cell, strain, specimens)
 
 
 def csuh() -> Evidence:
-    """`csuh`: dense to loose sand, drained and undrained, on its way to the critical state."""
+    """Dense to loose sand with `csuh`, drained and undrained, up to the critical state."""
     cell = find_model("csuh")(parameter_set="toyoura", order="principal")
     c = cell.values()
     m, slope, kappa, chi = (
@@ -63,11 +64,11 @@ def csuh() -> Evidence:
         cell, "triaxial-drained", [specimen(e, monotonic(0.25, 40)) for e in densities],
         tolerance=HELD_WITHIN,
     )  # fmt: skip
-    way = monotonic(0.4, 160)
+    history = monotonic(0.4, 160)
     constant_volume = undrained(
         cell,
-        [specimen(0.907, way), specimen(0.86, way), specimen(0.833, way),
-         specimen(0.833, way, 1e6), specimen(0.833, way, 2e6)],
+        [specimen(0.907, history), specimen(0.86, history), specimen(0.833, history),
+         specimen(0.833, history, 1e6), specimen(0.833, history, 2e6)],
     )  # fmt: skip
     cyclic = undrained(cell, [specimen(0.907, strain_history([0.004, -0.004] * 4, 640))])
     p = np.geomspace(15.0, 3000.0, 100)
@@ -114,7 +115,7 @@ def csuh() -> Evidence:
         (compression, volumes, paths, strength, density, loop),
         (
             *(
-                # The critical state is approached without end.
+                # The critical state is approached asymptotically.
                 Comparison(f"undrained, $e_0$ = {e:g}: $q$ at 40 %", r"M p_{cs}(e_0)",
                            end[f"$e_0$ = {e:g}"][1], m * state, "kPa", 0.01)
                 for e, state in states.items()
@@ -128,7 +129,7 @@ def csuh() -> Evidence:
 
 
 def modified_cam_clay() -> Evidence:
-    """`modified-cam-clay`: normally and overconsolidated clay, and its compression lines."""
+    """Normally consolidated and overconsolidated clay with `modified-cam-clay`, and compression."""
     cell = find_model("modified-cam-clay")(order="principal")
     c = cell.values()
     m, slope, kappa, top = (
@@ -160,7 +161,7 @@ def modified_cam_clay() -> Evidence:
     compressed = strain_path(cell, isotropic[None], specimens(volumetric)[:1])
     drained_end = 3.0 * m / (3.0 - m) * p0
     states = p0 * (0.5 * ratios) ** ((slope - kappa) / slope)
-    # p^2 - p_c p + (q/M)^2 = 0 at p_c = OCR p0; a gap parts the three.
+    # p^2 - p_c p + (q/M)^2 = 0 at p_c = OCR p0; a gap separates the three curves.
     share = np.append(np.linspace(0.0, 1.0, 80), np.nan)
     surface_p = np.concatenate([share * ratio * p0 for ratio in ratios])
     surface_q = np.concatenate(
@@ -201,7 +202,7 @@ def modified_cam_clay() -> Evidence:
         (compression, volumes, paths, strength, density, loop),
         (
             *(
-                # The state of OCR = 1 is approached without end; at OCR = 8 a little is left.
+                # OCR = 1 approaches the state asymptotically; OCR = 8 does not quite reach it.
                 Comparison(f"undrained, {name}: $q$ at 15 %",
                            r"M p_0 \big(\tfrac{\mathrm{OCR}}2\big)^{1-\kappa/\lambda}",
                            end[name][1], m * state / KILO, "kPa", 1e-3)

@@ -1,7 +1,7 @@
-"""Element tests that the pages of the models show, and what is known of them in closed form.
+"""Element tests shown on the pages of the models, and their closed-form solutions.
 
-The modules beside this one run the tests of one model in each function. They write closed forms
-down from the equations, without any code of the model.
+Each function of the other modules in this folder runs the tests of one model. The closed forms are
+written from the equations, without using the code of the model.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,8 +26,8 @@ KILO = 1e3
 PRESSURES = (5e4, 1e5, 2e5)
 BY_PRESSURE = tuple(f"$p_0$ = {p / KILO:g} kPa" for p in PRESSURES)
 EXACT = 1e-6
-"""Where the closed form assumes nothing that the model does not: the tolerance of held stresses
-and rounding, and no more."""
+"""Tolerance if the closed form has the same assumptions as the model: only the tolerance of held
+stresses and rounding remain."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,10 @@ class Specimen:
 
     Parameters
     ----------
-    label : in the legend
-    history : (step,), its driving strain from zero on
+    label : label in the legend
+    history : (step,), driving strain, starting from zero
     pressure : isotropic stress at the start, Pa
-    scalars : what else is known at the start, such as `initial_void_ratio`
+    scalars : other quantities at the start, such as `initial_void_ratio`
     """
 
     label: str
@@ -50,12 +50,12 @@ class Specimen:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A number of a drawn curve beside its closed form.
+    """A number of a drawn curve and its closed form.
 
     Parameters
     ----------
     what : the test and the number
-    formula : in mathematics of the page
+    formula : closed form, as mathematics for the page
     model, closed_form : values in the unit
     unit : kPa, % or 1
     tolerance : relative difference that the closed form's assumptions leave
@@ -70,18 +70,18 @@ class Comparison:
 
     @property
     def difference(self) -> float:
-        """Relative to the closed form; absolute where that is zero."""
+        """Difference relative to the closed form, or absolute if that is zero."""
         return abs(self.model - self.closed_form) / (abs(self.closed_form) or 1.0)
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the page of a model shows.
+    """Figure and comparisons on the page of a model.
 
     Parameters
     ----------
-    panels : of the figure
-    comparisons : of the curves with closed forms
+    panels : panels of the figure
+    comparisons : comparisons of the curves with closed forms
     """
 
     panels: tuple[Panel, ...]
@@ -89,7 +89,7 @@ class Evidence:
 
 
 def monotonic(strain: float, steps: int) -> Floats:
-    """Driving strain (step,) up to `strain` in steps that grow, so that the start is seen well."""
+    """Driving strain (step,) up to `strain` in growing steps, so that the start is shown well."""
     return strain * np.linspace(0.0, 1.0, steps + 1) ** 2
 
 
@@ -106,7 +106,7 @@ def standard_test(
     cell : the model, in an order that has the directions of the test
     control : name of the test
     specimens : one path each, of equally many steps
-    tolerance : of held stresses, see `run_test`
+    tolerance : relative tolerance of held stresses, see `run_test`
 
     Returns
     -------
@@ -127,16 +127,16 @@ def standard_test(
 
 def at_pressures(cell: ClassicalCell, control: str, strain: float, steps: int) -> xr.Dataset:
     """A monotonic standard test at each of `PRESSURES`."""
-    way = monotonic(strain, steps)
+    history = monotonic(strain, steps)
     specimens = [
-        Specimen(label, way, pressure)
+        Specimen(label, history, pressure)
         for label, pressure in zip(BY_PRESSURE, PRESSURES, strict=True)
     ]
     return standard_test(cell, control, specimens)
 
 
 def strain_path(cell: ClassicalCell, strain: Floats, specimens: Sequence[Specimen]) -> xr.Dataset:
-    """Specimens along prescribed strains (path, step, component); else as `standard_test`."""
+    """Specimens along prescribed strains (path, step, component); otherwise as `standard_test`."""
     return _run(cell, MixedControl.of_strain(cell.order, strain), specimens, "prescribed")
 
 
@@ -174,5 +174,5 @@ def _run(
 
 
 def ends(panel: Panel) -> dict[str, tuple[float, float]]:
-    """Where each curve of a panel ends, by its label, in the units of the axes."""
+    """End point of each curve of a panel by its label, in the units of the axes."""
     return {label: (float(x[-1]), float(y[-1])) for label, (x, y) in panel.curves().items()}

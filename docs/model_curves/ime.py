@@ -1,4 +1,4 @@
-"""Figures of `ime` and `enhanced-ime`."""
+"""Tests of `ime` and `enhanced-ime`."""
 
 import numpy as np
 from scipy.optimize import brentq
@@ -24,7 +24,7 @@ from model_curves.element import (
 
 
 def ime() -> Evidence:
-    """`ime`: both parameter sets, volume, a loop, and paths that do not feel the pressure."""
+    """Both parameter sets of `ime`, volume, a loop, and paths that do not depend on pressure."""
     make, to = find_model("ime"), 0.15
     sets = {name.removeprefix("guan2023-"): name for name in make.parameter_sets}
     cells = {label: make(parameter_set=name, order="principal") for label, name in sets.items()}
@@ -83,7 +83,7 @@ def ime() -> Evidence:
 
 
 def _surface(cell: ClassicalCell, shear: Floats, p: Floats) -> Floats:
-    """Largest q of `enhanced-ime` at a plastic shear strain, without compaction (Eq 7.17, 7.18)."""
+    """Strength q of `enhanced-ime` at a plastic shear strain, no compaction (Eq 7.17, 7.18)."""
     c = cell.values()
     by_shear = (
         c["shear_hardening_modulus"]
@@ -96,7 +96,7 @@ def _surface(cell: ClassicalCell, shear: Floats, p: Floats) -> Floats:
 
 
 def enhanced_ime() -> Evidence:
-    """`enhanced-ime`: both parameter sets at three pressures, a loop, and the surfaces."""
+    """Both parameter sets of `enhanced-ime` at three pressures, a loop, and yield surfaces."""
     make, to = find_model("enhanced-ime"), 0.2
     original, optimised = (
         make(parameter_set=name, order="principal") for name in make.parameter_sets

@@ -1,4 +1,4 @@
-"""Figures of the models of the plane: `j2`, `drucker-prager` and `j2-hardening`."""
+"""Tests of the two-dimensional models `j2`, `drucker-prager` and `j2-hardening`."""
 
 import numpy as np
 from scipy.optimize import brentq
@@ -26,14 +26,14 @@ STRETCHED = "stretched along $x$"
 
 
 def j2() -> Evidence:
-    """`j2`: strength in three kinds of test, volume, a loop, and paths to the yield line."""
+    """Strength of `j2` in three kinds of test, volume, a loop, and paths to the yield line."""
     make, to = find_model("j2"), 0.15
     plane, solid = make(), make(order="principal")
     c = plane.values()
-    way, turning = monotonic(to, 150), strain_history((0.08, -0.08, 0.1), 260)
-    biaxial = standard_test(plane, "biaxial", [Specimen("biaxial, in the plane", way)])
-    strain = standard_test(solid, "biaxial", [Specimen("biaxial, plane strain", way)])
-    triaxial = standard_test(solid, "triaxial-drained", [Specimen("triaxial compression", way)])
+    history, turning = monotonic(to, 150), strain_history((0.08, -0.08, 0.1), 260)
+    biaxial = standard_test(plane, "biaxial", [Specimen("biaxial, in the plane", history)])
+    strain = standard_test(solid, "biaxial", [Specimen("biaxial, plane strain", history)])
+    triaxial = standard_test(solid, "triaxial-drained", [Specimen("triaxial compression", history)])
     loop = standard_test(plane, "biaxial", [Specimen("biaxial", turning)])
     pressures = at_pressures(plane, "biaxial", to, 150)
     strength, volume = c["yield_stress"], c["yield_stress"] / (2.0 * c["bulk_modulus"])
@@ -71,8 +71,8 @@ def j2() -> Evidence:
                       end["biaxial, in the plane"][1], known[0]),
             _strength("triaxial compression", r"\sigma_Y",
                       end["triaxial compression"][1], known[1]),
-            # The stress out of the plane is left elastic and goes to the mean of the others only
-            # as exp(-strain): at 15 % the flow is full to some 1e-4.
+            # The out-of-plane stress starts elastic and approaches the mean of the others like
+            # exp(-strain): at 15 % the difference is about 1e-4.
             _strength("biaxial in plane strain", r"\tfrac{2}{\sqrt3} \sigma_Y",
                       end["biaxial, plane strain"][1], known[2], tolerance=1e-3),
             Comparison("volumetric strain after yield, biaxial in the plane",
@@ -85,14 +85,14 @@ def j2() -> Evidence:
 def _strength(
     what: str, formula: str, model: float, closed_form: float, tolerance: float = EXACT
 ) -> Comparison:
-    """A stress difference in kPa beside its closed form in Pa."""
+    """Comparison of a stress difference in kPa with its closed form in Pa."""
     return Comparison(
         f"strength, {what}", formula, model, closed_form / KILO, "kPa", tolerance
     )  # fmt: skip
 
 
 def drucker_prager() -> Evidence:
-    """`drucker-prager`: Rankine's strength, dilation, a loop, and the way to the apex."""
+    """Rankine's strength with `drucker-prager`, dilation, a loop, and a path to the apex."""
     cell, to = find_model("drucker-prager")(), 0.2
     c = cell.values()
     friction, dilation = c["friction_slope"], c["dilation_slope"]
@@ -158,7 +158,7 @@ def drucker_prager() -> Evidence:
 
 
 def j2_hardening() -> Evidence:
-    """`j2-hardening`: the hardening curve, volume, and a loop with what it does to the law."""
+    """Hardening curve of `j2-hardening`, volume, and a loop compared with the hardening law."""
     cell, to = find_model("j2-hardening")(), 0.2
     c = cell.values()
     turning = strain_history((to, -0.1, to), 400)

@@ -1,7 +1,7 @@
 """The `granbench` application: command groups, and errors as one sentence.
 
 The modules of the commands import what is heavy (torch, xarray, matplotlib) inside their
-functions, so that ``granbench --help`` answers at once.
+functions, so that ``granbench --help`` is fast.
 """
 
 import logging
@@ -37,7 +37,7 @@ USER_ERROR = 2
 
 app = typer.Typer(
     name="granbench",
-    help="The open benchmark of data-driven geomechanics: generate, train, score.",
+    help="Open benchmark for data-driven geomechanics: generate data, train models, score them.",
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -60,7 +60,7 @@ def granbench(
         ),
     ] = False,
 ) -> None:
-    """The open benchmark of data-driven geomechanics: generate, train, score."""
+    """Open benchmark for data-driven geomechanics: generate data, train models, score them."""
 
 
 app.add_typer(data.app, name="data")
@@ -80,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
     Parameters
     ----------
-    arguments : the words after `granbench`; those of the process by default
+    arguments : words after `granbench`; by default those of the process
 
     Raises
     ------
@@ -104,7 +104,9 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     finally:
         logging.getLogger("granbench").removeHandler(notes)
     if code == INTERRUPTED:
-        typer.echo("interrupted; the same command continues where it can", err=True)
+        typer.echo(
+            "interrupted; run the same command again, which continues where possible", err=True
+        )
     _leave(code if isinstance(code, int) else 0)
 
 
@@ -130,12 +132,12 @@ def _fail(sentence: str) -> NoReturn:
 
 
 def _leave(code: int) -> NoReturn:
-    """Exit; with an error where standard output could not take what it was to show."""
+    """Exit, with an error if standard output could not be written."""
     failure = flush_streams()
     if failure is not None and code == 0:
         typer.echo(
             f"error: standard output cannot be written ({failure.strerror}); files that the "
-            "command writes are complete, but send its output somewhere else",
+            "command writes are complete; send its output somewhere else",
             err=True,
         )
         flush_streams()

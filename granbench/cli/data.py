@@ -58,7 +58,7 @@ def list_datasets(as_json: Json = False) -> None:
 def info(
     source: Source,
     as_json: Json = False,
-    paths: Annotated[bool, typer.Option("--paths", help="List every path instead.")] = False,
+    paths: Annotated[bool, typer.Option("--paths", help="List all paths instead.")] = False,
 ) -> None:
     """Describe a dataset: splits, loading, quality, and the scatter between packings."""
     from granbench.data.store import file_of
@@ -90,17 +90,15 @@ def fetch(
     ] = None,
     make: Annotated[
         bool,
-        typer.Option(
-            "--make", help="Make the dataset here if no mirror provides it and that takes minutes."
-        ),
+        typer.Option("--make", help="Make the dataset on this machine even if that takes minutes."),
     ] = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Fetch a dataset from the nearest mirror and check it against the registry.
 
-    If no mirror provides it, it is made on this machine if that takes seconds; with --make, also
-    if it takes minutes.
+    If no mirror provides it, the dataset is made on this machine, provided that this takes only
+    seconds; with --make, it may take minutes.
     """
     from granbench.data.store import bring, dataset_file
 
@@ -117,7 +115,7 @@ def fetch(
 
 @app.command()
 def verify(source: Source, as_json: Json = False, quiet: Quiet = False) -> None:
-    """Recompute the content hashes of a dataset; name the variable that differs."""
+    """Recompute the content hashes of a dataset, and name any variable that differs."""
     from granbench.data.store import file_of
     from granbench.data.verification import verify_file
 
@@ -129,7 +127,7 @@ def verify(source: Source, as_json: Json = False, quiet: Quiet = False) -> None:
         print_json({"file": str(file), "verified": True, "registered": registered})
     elif not quiet:
         known = (
-            f"is {entry.id} {entry.version} of the registry, and its attributes agree with it too"
+            f"is {entry.id} {entry.version} of the registry, and so are its attributes"
             if entry
             else "is not registered, so its ground truth, its licence and its other attributes, "
             "except its configuration, cannot be verified"
@@ -144,7 +142,8 @@ def plot(
         Path | None, typer.Option("--out", help="PNG, PDF or SVG file to write.")
     ] = None,
     path: Annotated[
-        list[str] | None, typer.Option("--path", help="Path to draw, as `info --paths` names it.")
+        list[str] | None,
+        typer.Option("--path", help="Name of a path to draw, from `granbench data info --paths`."),
     ] = None,
     quiet: Quiet = False,
 ) -> None:

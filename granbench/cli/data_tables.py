@@ -80,10 +80,10 @@ def _leak_sentence(leaks: dict[str, Any]) -> str:
     kinds = ("shared_specimens", "shared_preparations", "identical_paths")
     found = [f"{len(leaks[kind])} {kind.replace('_', ' ')}" for kind in kinds if leaks[kind]]
     if found:
-        return f"Splits leak: {', '.join(found)}."
+        return f"The splits are not separate: {', '.join(found)}."
     nearest = leaks["nearest_path_distance"]
     if not nearest:
-        return "There is one split only."
+        return "There is only one split."
     pair = min(nearest, key=nearest.__getitem__)
     return (
         "No specimen, preparation or path is in two splits; the nearest paths of two splits "
@@ -101,10 +101,11 @@ def _scatter_sentences(summary: dict[str, Any]) -> Iterator[str]:
     components = ", ".join(f"{rms:.3g}" for rms in scatter["stress_rms"])
     yield (
         f"Replicate scatter ({scatter['pairs']} pairs of paths, {scatter['specimens']} packings "
-        f"prepared again): RMS difference of stress {components} training standard deviations "
-        f"by component; normalised MSE {scatter['stress_mse']:.3g}, half of which, "
-        f"{scatter['floor_mse']:.3g} (median pair {scatter['floor_median']:.3g}), is what a model "
-        "would score that predicts the mean of packings made alike."
+        f"prepared again): root-mean-square (RMS) difference of stress {components} training "
+        "standard deviations by component; normalised mean squared error (MSE) "
+        f"{scatter['stress_mse']:.3g}. A model that predicts the mean of packings prepared in the "
+        f"same way would have half of it, {scatter['floor_mse']:.3g} (median pair "
+        f"{scatter['floor_median']:.3g})."
     )
     if scatter["void_ratio_rms"] is not None:
         yield f"RMS difference of void ratio between packings: {scatter['void_ratio_rms']:.3g}."

@@ -44,7 +44,10 @@ def drive(
     out: Annotated[Path, typer.Option("--out", help="CSV or netCDF (.nc) file to write.")],
     path: Annotated[
         Path | None,
-        typer.Option("--path", help="CSV of strains (and stresses), or records in netCDF."),
+        typer.Option(
+            "--path",
+            help="Path to follow: a table of strains (and stresses), or records in netCDF.",
+        ),
     ] = None,
     control: Annotated[
         str | None,
@@ -53,25 +56,30 @@ def drive(
     strain: Annotated[
         str | None,
         typer.Option(
-            "--strain", help="Driving strain at the end, as 0.2 or 20%; negative for extension."
+            "--strain",
+            help="Driving strain at the end, such as 0.2 or 20%; negative for extension; 0.2 by "
+            "default.",
         ),
     ] = None,
     turning_points: Annotated[
         str | None,
-        typer.Option("--turning-points", help="Driving strains of reversals, as 0.02,-0.02."),
+        typer.Option("--turning-points", help="Driving strains of reversals, such as 0.02,-0.02."),
     ] = None,
     steps: Annotated[
-        int | None, typer.Option("--steps", max=MOST_STEPS, help="Number of steps; 200.")
+        int | None, typer.Option("--steps", max=MOST_STEPS, help="Number of steps; 200 by default.")
     ] = None,
     b: Annotated[
-        float | None, typer.Option("--b", help="Intermediate stress ratio of a triaxial test; 0.")
+        float | None,
+        typer.Option("--b", help="Intermediate stress ratio of a triaxial test; 0 by default."),
     ] = None,
     params: Params = None,
     parameter_set: ParameterSet = None,
     p0: Annotated[
         str | None,
         typer.Option(
-            "--p0", metavar="PA", help="Isotropic stress at the start, as 1e5 or 100kPa; 1e5."
+            "--p0",
+            metavar="PA",
+            help="Isotropic stress at the start, such as 1e5 or 100kPa; 100kPa by default.",
         ),
     ] = None,
     ocr: OverconsolidationRatio = None,
@@ -82,21 +90,26 @@ def drive(
         typer.Option("--order", help="Components of a classical model: principal, plane or full."),
     ] = None,
     task: Annotated[
-        str, typer.Option("--task", help="Dataset that a baseline without training is fitted to.")
+        str, typer.Option("--task", help="Dataset to which an untrained baseline is fitted.")
     ] = "dem-triaxial-mini",
     tolerance: Annotated[
         float | None,
-        typer.Option("--tolerance", help="Relative, of held stresses; 1e-9, in float32 1.2e-5."),
+        typer.Option(
+            "--tolerance",
+            help="Relative tolerance of held stresses; by default 1e-9, or 1.2e-5 in float32.",
+        ),
     ] = None,
     patience: Annotated[
         float,
-        typer.Option("--patience", min=0.01, max=1e6, help="Factor on the permitted work."),
+        typer.Option(
+            "--patience", min=0.01, max=1e6, help="Factor on the permitted amount of computation."
+        ),
     ] = 1.0,
     plot: Plot = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Drive a model along a path, or through a standard test, and write its stresses."""
+    """Run a standard test on a model, or drive it along a path, and write its stresses."""
     from granbench.element_test.driving import WorkLimitError
     from granbench.element_test.driving import drive as drive_cell
     from granbench.element_test.start import Start

@@ -1,4 +1,4 @@
-"""The path or test and the start that the options of `granbench drive` describe."""
+"""The path or test, and the start, that the options of `granbench drive` describe."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class DriveRequest:
     ----------
     path : file of strains or records
     control : name of a standard test
-    strain, turning_points, steps, b : of that test
+    strain, turning_points, steps, b : settings of that test
     order : component order of a classical model
     """
 
@@ -133,7 +133,7 @@ class DriveRequest:
             )
         if self.order is not None and not found.order_is_open:
             raise ConfigurationError(
-                f"--order is for classical models; {found.name} has its own components, leave it "
+                f"--order is for classical models, but {found.name} has fixed components; leave it "
                 "out"
             )
         cell = cell_for_test(found, programme, self.order)

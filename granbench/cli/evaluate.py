@@ -27,6 +27,7 @@ from granbench.cli.options import (
     require_writable,
 )
 from granbench.cli.printing import print_json, say, show
+from granbench.cli.shared_options import MODEL_HELP
 from granbench.cli.task_option import TaskName
 
 MODEL_FILES = ("model.json", "model.safetensors", "training.safetensors", "parameters.json")
@@ -38,39 +39,38 @@ ROLES = ("model", "floor")
 def evaluate(
     model: Annotated[
         str,
-        typer.Argument(
-            help="Baseline name, folder of a trained model, or package.module:factory of a cell."
-        ),
+        typer.Argument(help=MODEL_HELP),
     ],
     task: TaskName = None,
     axis: Annotated[
         list[str] | None,
         typer.Option(
             "--axis",
-            help="Axis of the task (`granbench task info` lists them), once for each; all of them "
-            "by default.",
+            help="Axis of the task (`granbench task info` lists them), once for each; all axes by "
+            "default.",
         ),
     ] = None,
     model_dir: Annotated[
         list[Path] | None,
-        typer.Option("--model-dir", help="Folder of a trained model, once for each seed."),
+        typer.Option("--model-dir", help="Folder of a trained model; repeat for each seed."),
     ] = None,
     seeds: Annotated[
         str | None,
-        typer.Option("--seeds", help="Seeds of the models or of the noise, comma-separated."),
+        typer.Option("--seeds", help="Seeds of the models or of the noise, such as 0,1,2."),
     ] = None,
     out: Annotated[Path, typer.Option("--out", help="Submission to write.")] = Path(
         "submission.json"
     ),
     name: Annotated[str | None, typer.Option("--name", help="Name on the leaderboard.")] = None,
-    title: Annotated[str | None, typer.Option("--title", help="One line about it.")] = None,
+    title: Annotated[str | None, typer.Option("--title", help="One line about the model.")] = None,
     authors: Annotated[
-        str | None, typer.Option("--authors", help="Comma-separated; 'anonymous' by default.")
+        str | None,
+        typer.Option("--authors", help="Authors, separated by commas; 'anonymous' by default."),
     ] = None,
     code: Annotated[str | None, typer.Option("--code", help="Address of the model's code.")] = None,
     licence: Annotated[str | None, typer.Option("--licence", help="Licence of the model.")] = None,
     training_data: Annotated[
-        str | None, typer.Option("--training-data", help="What it was trained on.")
+        str | None, typer.Option("--training-data", help="Data that the model was trained on.")
     ] = None,
     role: Annotated[
         str | None,
@@ -86,14 +86,17 @@ def evaluate(
     ] = PREDICTIONS,
     against: Annotated[
         list[Path] | None,
-        typer.Option("--against", help="Submission to compare with in the table."),
+        typer.Option(
+            "--against",
+            help="Submission to show in the table as well; repeat for several.",
+        ),
     ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the submission instead of a table.")
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")] = False,
 ) -> None:
-    """Score a model on every axis of a task and write its submission and predictions.
+    """Score a model on all axes of a task, and write its submission and predictions.
 
     With --keep model the model is written instead of its predictions. This is for baselines of
     GranBench and classical models, which are run again whenever the scores are checked.

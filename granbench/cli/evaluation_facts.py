@@ -1,4 +1,4 @@
-"""What `granbench evaluate` says of a model in its submission."""
+"""Facts about a model that `granbench evaluate` writes into its submission."""
 
 import shlex
 from collections.abc import Iterable, Sequence
@@ -11,25 +11,25 @@ if TYPE_CHECKING:
     from granbench.leaderboard.submission import Submission
 
 PREDICTIONS, MODEL = KEPT = ("predictions", "model")
-"""What can be kept as evidence of the scores."""
+"""Kinds of evidence that can be kept with the scores."""
 
 OWN_AUTHORS = "The GranBench authors"
 OWN_LICENCE = "BSD-3-Clause"
 
 
 def authors_of(authors: str | None, candidate: "FoundModel") -> tuple[str, ...]:
-    """The names in a comma-separated list, or who wrote the model as far as that is known."""
+    """The names in a comma-separated list; by default the authors of the model, if known."""
     named = tuple(author.strip() for author in (authors or "").split(",") if author.strip())
     return named or (OWN_AUTHORS if candidate.baseline else "anonymous",)
 
 
 def licence_of(licence: str | None, candidate: "FoundModel") -> str:
-    """The licence that was given, or that of GranBench's own models."""
+    """The given licence; by default that of GranBench's own models."""
     return licence or (OWN_LICENCE if candidate.baseline else "not stated")
 
 
 def training_data_of(stated: str | None, candidate: "FoundModel", task: "Task") -> str:
-    """What was given, or what the model's files say, or what it can have seen of the task."""
+    """The given training data, else those in the model's files, else those of the task."""
     if stated or candidate.training_data:
         return stated or str(candidate.training_data)
     if not candidate.trained:
@@ -49,7 +49,7 @@ def shown_command(
     keep: str,
     out: Path,
 ) -> str:
-    """The command as it can be published: of files and folders only the last name."""
+    """The command for publication, with only the last names of files and folders."""
     model_name = model if ":" in model else Path(model).name
     words = ["granbench", "evaluate", model_name, "--task", Path(task).name]
     for axis in axes or ():

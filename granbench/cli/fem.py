@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from granbench.fem import Analysis, ExplicitSettings, ImplicitSettings, Problem
 
 MOST_OUTPUTS = 100_000
-"""Each output step keeps everything that is recorded at every Gauss point."""
+"""Largest number of output steps; each stores all variables at all Gauss points."""
 
 EXPLICIT_ONLY = ("damping", "safety", "time_step", "modulus")
 IMPLICIT_ONLY = ("scheme",)
@@ -69,7 +69,7 @@ def fem(
         typer.Option(
             "--choose",
             metavar="NAME=VALUE",
-            help="Choice of the problem, such as cycles=cyclic, end_strain=0.05, ends=smooth, "
+            help="Setting of the problem, such as cycles=cyclic, end_strain=0.05, ends=smooth, "
             "confinement=random:3:1 (v_c and seed) or load_path=FILE.csv (time, displacement).",
         ),
     ] = None,
@@ -83,28 +83,34 @@ def fem(
         typer.Option(
             "--outputs",
             max=MOST_OUTPUTS,
-            help="Number of output steps, or of load steps (implicit); 100.",
+            help="Number of output steps, or of load steps (implicit); 100 by default.",
         ),
     ] = None,
     damping: Annotated[
         float | None,
-        typer.Option("--damping", help="Damping gamma of the explicit solver (Eq 5.9); 1."),
+        typer.Option(
+            "--damping", help="Damping gamma of the explicit solver (Eq 5.9); 1 by default."
+        ),
     ] = None,
     time_step: Annotated[
         float | None,
         typer.Option(
             "--time-step",
             metavar="SECONDS",
-            help="Time step of the explicit solver; Eq 5.8 by default.",
+            help="Time step of the explicit solver; by default from Eq 5.8.",
         ),
     ] = None,
     safety: Annotated[
-        float | None, typer.Option("--safety", help="Safety factor of the explicit time step; 0.2.")
+        float | None,
+        typer.Option(
+            "--safety",
+            help="Safety factor of the explicit time step; 0.2 by default.",
+        ),
     ] = None,
     modulus: Annotated[
         str | None,
         typer.Option(
-            "--modulus", metavar="PA", help="Modulus for the time step, in place of the model's."
+            "--modulus", metavar="PA", help="Modulus for the time step; the model's by default."
         ),
     ] = None,
     scheme: Annotated[
@@ -150,7 +156,7 @@ def fem(
     from granbench.fem import run
     from granbench.fem.remarks import remarks
 
-    # At some hundred points, threads cost more in waiting than they save.
+    # With a few hundred points, threads take longer than one thread.
     torch.set_num_threads(1)
     made = one_model(cell, parameter_set, params, task, order="plane").cell
     scalars = scalars_at_start(e0, ocr, start)
@@ -229,7 +235,7 @@ def _end(analysis: "Analysis", out: Path) -> None:
     if reason is None:
         return
     reached = output_steps(analysis)
-    kept = f"{out} holds the start only"
+    kept = f"{out} holds only the start"
     if reached > 0:
         last = float(analysis.dataset["driving_strain"][-1])
         kept = f"{out} holds the output up to driving strain {last:.4g} ({reached + 1} steps)"

@@ -46,8 +46,8 @@ def fit(
         typer.Option(
             "--data",
             metavar="FILE[::TEST]",
-            help="Laboratory file: CSV, .dat, .xlsx protocol, .npz, or records in netCDF; "
-            "::TEST takes one test of several.",
+            help="Laboratory file: CSV, .dat, .xlsx, .npz, or records in netCDF, once for each; "
+            "::TEST selects one test of several.",
         ),
     ],
     out: Annotated[Path, typer.Option("--out", help="Folder for the results.")],
@@ -60,7 +60,7 @@ def fit(
         ),
     ] = None,
     free: Annotated[
-        str | None, typer.Option("--free", help="Parameters to fit, as a,b,c; all by default.")
+        str | None, typer.Option("--free", help="Parameters to fit, such as a,b,c; all by default.")
     ] = None,
     parameter_set: Annotated[
         str | None, typer.Option("--set", help="Published parameters to start from.")
@@ -73,12 +73,14 @@ def fit(
         typer.Option(
             "--control",
             help="strain: prescribe the measured strain. mixed: prescribe the axial strain and the "
-            "lateral stress. auto: mixed where the lateral strain was free.",
+            "lateral stress. auto: mixed if the lateral strain was free in the test.",
         ),
     ] = "auto",
     points: Annotated[
         int,
-        typer.Option("--points", min=5, max=100_000, help="Points to which each test is thinned."),
+        typer.Option(
+            "--points", min=5, max=100_000, help="Number of points to which each test is thinned."
+        ),
     ] = 60,
     weight: Annotated[
         list[str] | None,
@@ -97,7 +99,10 @@ def fit(
     iterations: Annotated[
         int,
         typer.Option(
-            "--iterations", min=1, max=1_000_000, help="Iterations of Levenberg-Marquardt, at most."
+            "--iterations",
+            min=1,
+            max=1_000_000,
+            help="Largest number of iterations of the Levenberg-Marquardt method.",
         ),
     ] = 60,
     bootstrap: Annotated[
@@ -106,7 +111,7 @@ def fit(
             "--bootstrap",
             min=0,
             max=100_000,
-            help="Bootstrap samples; 0 for intervals from the curvature.",
+            help="Number of bootstrap samples; 0 computes intervals from the curvature.",
         ),
     ] = 0,
     column: Annotated[
@@ -114,7 +119,7 @@ def fit(
         typer.Option(
             "--column",
             metavar="QUANTITY=HEADER",
-            help="Column of a quantity, as axial_strain=eps_ax or pore_pressure=PWP2.",
+            help="Header of a quantity, such as axial_strain=eps_ax or pore_pressure=PWP2.",
         ),
     ] = None,
     ignore: Annotated[
@@ -124,7 +129,9 @@ def fit(
     unit: Annotated[
         list[str] | None,
         typer.Option(
-            "--unit", metavar="QUANTITY=UNIT", help="Unit of a quantity, as stress=kPa or strain=%."
+            "--unit",
+            metavar="QUANTITY=UNIT",
+            help="Unit of a quantity, such as stress=kPa or strain=%.",
         ),
     ] = None,
     kind: Annotated[
@@ -140,7 +147,7 @@ def fit(
         typer.Option(
             "--stresses",
             metavar="effective|total",
-            help="State of stresses whose headers say neither.",
+            help="Whether stresses are effective or total, if their headers do not say so.",
         ),
     ] = None,
     cell_pressure: Annotated[
@@ -161,12 +168,12 @@ def fit(
         float,
         typer.Option(
             "--k0",
-            help="Lateral over axial stress at the start of an oedometer test without lateral "
-            "stress.",
+            help="Ratio of lateral to axial stress at the start of an oedometer test without "
+            "measured lateral stress.",
         ),
     ] = 0.5,
     monotonic: Annotated[
-        bool, typer.Option("--monotonic", help="Refuse an axial strain that falls.")
+        bool, typer.Option("--monotonic", help="Refuse an axial strain that decreases.")
     ] = False,
     tension_positive: Annotated[
         bool, typer.Option("--tension-positive", help="Tension is positive in the files.")
@@ -193,13 +200,13 @@ def fit(
 ) -> None:
     """Fit the parameters of a model to laboratory tests.
 
-    The folder then holds parameters.json (for `drive`, `evaluate` and `fem`), fit.json, curves.csv,
-    fit.png and, if every test is complete, tests.nc: records on which any model can be scored. All
-    are written together at the end: an interrupted fit leaves the folder unchanged and starts from
-    the beginning.
+    The output folder then holds parameters.json (for `drive`, `evaluate` and `fem`), fit.json,
+    curves.csv, fit.png and, if every test is complete, tests.nc: records on which any model can be
+    scored. All files are written together at the end: an interrupted fit leaves the folder
+    unchanged, and starts from the beginning when it is run again.
 
     The interpretation of each file is printed and kept in fit.json: kind of test, drainage, which
-    stresses are effective and why, p0. If a file leaves something open, an error asks for it.
+    stresses are effective and why, p0. If a file is ambiguous, an error asks what is meant.
     """
     require_folder("--out", out)
 

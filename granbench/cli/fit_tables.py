@@ -53,7 +53,7 @@ def result_tables(report: dict[str, Any]) -> Iterator[Table]:
         known = _known(row)
         table.add_row(row["name"], row["symbol"], f"{row['value']:.6g}", shown, row["units"], known)
     yield table
-    table = _plain("error of each test, % of the range of what was measured")
+    table = _plain("error of each test, % of the measured range")
     quantities = list(
         dict.fromkeys(name for row in report["errors"] for name in row["by_quantity"])
     )

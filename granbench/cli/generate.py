@@ -22,12 +22,12 @@ def generate(
         int, typer.Option(min=1, help="Number of jobs that run at the same time on this machine.")
     ] = 1,
     scheduler: Annotated[
-        str | None, typer.Option(help="Address of a dask scheduler that runs the jobs instead.")
+        str | None, typer.Option(help="Address of a Dask scheduler that runs the jobs instead.")
     ] = None,
     seed: Annotated[int, seed_option("Seed of every random choice.")] = 0,
     retry_failed: Annotated[
         bool,
-        typer.Option("--retry-failed", help="Also run jobs again that failed permanently."),
+        typer.Option("--retry-failed", help="Also repeat jobs that failed permanently."),
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the outcome as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar.")] = False,
@@ -71,8 +71,8 @@ def generate(
         return
     if quiet:
         return
-    say(f"{len(report.done)} jobs done, {len(report.skipped)} of them earlier: {path}")
+    say(f"{len(report.done)} jobs are done, {len(report.skipped)} of them in earlier runs: {path}")
     for key, reason in report.damaged.items():
-        say(f"found damaged, and made again: {key}: {reason}")
+        say(f"damaged result, computed again: {key}: {reason}")
     for key, reason in report.failed.items():
-        say(f"failed, and not in the data: {key}: {reason}")
+        say(f"failed, not in the dataset: {key}: {reason}")

@@ -11,9 +11,9 @@ PLACE = re.compile(r"\{(\w+)\}")
 
 
 class CommandWithNames(TyperCommand):
-    """A command in whose help ``{problems}`` stands for all names in `granbench.problems`.
+    """A command whose help shows all names in `granbench.problems` in place of ``{problems}``.
 
-    So for every group of entry points; nothing that is registered is imported.
+    The same holds for every group of entry points; no registered object is imported.
     """
 
     def format_help(self, ctx: Any, formatter: Any) -> None:

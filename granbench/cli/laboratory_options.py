@@ -1,4 +1,4 @@
-"""Texts of the options of `granbench fit`, as the settings they stand for."""
+"""Settings from the texts of the options of `granbench fit`."""
 
 from collections.abc import Sequence
 

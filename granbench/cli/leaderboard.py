@@ -42,9 +42,9 @@ def add(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Validate a submission and copy it, with its predictions or its model, onto the board.
+    """Validate a submission and add it to the leaderboard, with its predictions or its model.
 
-    The board stores the recomputed numbers, not those of the file.
+    The leaderboard stores the recomputed numbers, not those of the file.
     """
     from granbench.leaderboard.board import accept, default_folder
     from granbench.leaderboard.submission import read_submission
@@ -76,7 +76,7 @@ def build(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Render the board as a static site that works offline."""
+    """Build the leaderboard as a static site that works offline."""
     from granbench.leaderboard.board import Row, accepted, default_folder
     from granbench.leaderboard.build import build as render
     from granbench.leaderboard.ranking import path_errors
@@ -104,31 +104,34 @@ def build(
 def revalidate(
     board: Board = None,
     changed: Annotated[
-        bool, typer.Option("--changed", help="Only rows that differ from an earlier commit.")
+        bool,
+        typer.Option("--changed", help="Validate only rows that differ from an earlier commit."),
     ] = False,
     since: Annotated[
         str | None,
         typer.Option(
             "--since",
-            help="The earlier commit; by default where the branch left main, or the one before.",
+            help="Earlier commit for --changed; by default the last one shared with main or, on "
+            "main, the previous one.",
         ),
     ] = None,
     state: Annotated[
         Path | None,
         typer.Option(
-            "--state", help="File that lists the rows that are done; run again with it to continue."
+            "--state",
+            help="File that lists the rows already validated; give it again to go on.",
         ),
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Validate rows of the board again, and check the seals of all rows."""
+    """Validate rows of the leaderboard again, and check the seals of all rows."""
     from granbench.leaderboard.revalidation import revalidate as run
     from granbench.leaderboard.revalidation import touched
     from granbench.leaderboard.rows import accepted, default_folder
     from granbench.leaderboard.sealing import require_seal
 
     if since is not None and not changed:
-        raise ConfigurationError("--since goes with --changed; give both")
+        raise ConfigurationError("--since is only for --changed; give both")
     folder = board or default_folder()
     if not folder.is_dir():
         raise ConfigurationError(f"--board {folder} is not a folder; give one of submissions")
@@ -142,8 +145,8 @@ def revalidate(
             refused.append(outcome.complaint)
             say(f"REFUSED {outcome.complaint}", err=True)
         elif not quiet:
-            say(f"valid   {outcome.file}{' (known)' if outcome.known else ''}")
+            say(f"valid   {outcome.file}{' (validated earlier)' if outcome.known else ''}")
     if not quiet:
-        say(f"{len(everything)} rows have their seal, {len(rows)} were validated again")
+        say(f"the seals of {len(everything)} rows are valid; {len(rows)} rows were validated again")
     if refused:
         raise SubmissionError(f"{len(refused)} of {len(rows)} rows are not valid: {refused[0]}")

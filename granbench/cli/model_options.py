@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from granbench.element_test.start import Start
 
 START_OPTIONS = {"initial_void_ratio": "--e0", "overconsolidation_ratio": "--ocr"}
-"""Options that give a scalar at the start; any other one is given by `--start`."""
+"""Options that give a scalar at the start; all other scalars are given with `--start`."""
 
 
 def one_model(
@@ -26,9 +26,9 @@ def one_model(
 
     Parameters
     ----------
-    name : of the model
+    name : name of the model
     parameter_set, parameter_file : from --set and --params
-    task : from --task; the default of `find_cells` where None
+    task : from --task; None for the default of `find_cells`
     order : component order of a classical model
     """
     from granbench.cells.find import DEFAULT_RECORDS, find_cells
@@ -55,8 +55,8 @@ def evaluated_model(
 
     Parameters
     ----------
-    name : of the model
-    records : the whole dataset of the task
+    name : name of the model
+    records : whole dataset of the task
     folders, seeds : from --model-dir and --seeds
     """
     from granbench.cells.find import find_cells
@@ -86,7 +86,7 @@ def named_start_options(start: "Start") -> Iterator[None]:
         ) from error
     except UnusedScalarError as error:
         raise ConfigurationError(
-            f"{_start_option(error.name).rstrip(' =')} is given, but {error.model} makes no use of "
+            f"{_start_option(error.name).rstrip(' =')} is given, but {error.model} does not use "
             "it; leave it out"
         ) from error
     except ConfigurationError as error:

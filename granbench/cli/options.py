@@ -21,7 +21,7 @@ def refuse_overwriting(out: Path, option: str, source: Path | None) -> None:
     Parameters
     ----------
     out : file to write
-    option : that gives the source, for the error
+    option : option that gives the source, for the error
     source : file that is read; None, or one that does not exist, cannot be overwritten
 
     Raises
@@ -31,7 +31,8 @@ def refuse_overwriting(out: Path, option: str, source: Path | None) -> None:
     """
     if source is not None and out.exists() and source.exists() and out.samefile(source):
         raise ConfigurationError(
-            f"--out {out} is what {option} reads and would be overwritten; write to another file"
+            f"--out {out} is the file that {option} reads and would be overwritten; write to "
+            "another file"
         )
 
 
@@ -45,7 +46,7 @@ def naming_option(option: str) -> Iterator[None]:
 
 
 def require_writable(option: str, file: Path) -> None:
-    """Refuse, before any work, a file that could not be written; nothing is made.
+    """Refuse, before any work, a file that could not be written; no file is made.
 
     Raises
     ------
@@ -100,7 +101,7 @@ def require_one_of(option: str, given: str, allowed: Sequence[str]) -> None:
 
 
 def seed_option(text: str) -> Any:
-    """The option `--seed`: a number that every generator and file takes, or one sentence."""
+    """The option `--seed`, limited to numbers that every generator and file can hold."""
     return typer.Option("--seed", min=0, max=LARGEST_SEED, help=text)
 
 
@@ -120,8 +121,7 @@ def listed_seeds(text: str) -> list[int]:
         ) from error
     if not 0 <= min(seeds) <= max(seeds) <= LARGEST_SEED or len(set(seeds)) < len(seeds):
         raise ConfigurationError(
-            f"--seeds {text[:60]!r} must be different numbers from 0 to {LARGEST_SEED}, none "
-            "negative"
+            f"--seeds {text[:60]!r} must be different whole numbers from 0 to {LARGEST_SEED}"
         )
     return seeds
 
@@ -135,7 +135,7 @@ def core_count() -> int:
 
 
 def require_cores(option: str, count: int) -> None:
-    """Refuse more threads than the machine has cores: they would only wait for each other.
+    """Refuse more threads than the machine has cores, because they would wait for each other.
 
     Raises
     ------
@@ -144,6 +144,5 @@ def require_cores(option: str, count: int) -> None:
     """
     if count > (cores := core_count()):
         raise ConfigurationError(
-            f"{option} {count} is more than the {cores} cores that this machine offers; give 1 to "
-            f"{cores}"
+            f"{option} {count} is more than the {cores} cores of this machine; give 1 to {cores}"
         )

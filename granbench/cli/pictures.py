@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def drawing_errors(file: Path) -> Iterator[None]:
-    """Raise whatever goes wrong while a picture is drawn as an error that names the picture.
+    """Raise any exception from drawing a picture as an error that names the picture.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def draw_picture(file: Path, draw: Callable[[], "Figure"]) -> Path:
     Parameters
     ----------
     file : to write; its name ends in the format
-    draw : makes the figure; it imports what is needed for that, too
+    draw : makes the figure, including the imports for it
 
     Raises
     ------
@@ -57,7 +57,7 @@ def draw_beside_results(file: Path, draw: Callable[[], "Figure"]) -> Path | None
 
     Returns
     -------
-    The file, or None where there is no picture.
+    The file, or None if the picture could not be drawn.
     """
     try:
         return draw_picture(file, draw)

@@ -32,7 +32,7 @@ COLUMNS: Mapping[Shown, Sequence[type[ProgressColumn]]] = {
 
 
 class Bar:
-    """A progress bar; it appears with its first number where its total is not known before.
+    """A progress bar; if its total is not known before, it appears with its first number.
 
     Parameters
     ----------
@@ -99,12 +99,12 @@ def progress_bar(
 
 @contextmanager
 def progress_notes(state: Callable[[], str], hidden: bool) -> Iterator[None]:
-    """Note on standard error, every `SECONDS_BETWEEN_NOTES`, how far the block is.
+    """Report on standard error, every `SECONDS_BETWEEN_NOTES`, how far the block is.
 
     Parameters
     ----------
-    state : gives it in words
-    hidden : whether nothing is noted, as where a bar shows it or the user asked for silence
+    state : returns the progress in words
+    hidden : whether nothing is reported, because a bar shows it or the user asked for silence
     """
     if hidden:
         yield

@@ -1,6 +1,6 @@
-"""Scores of a submission as tables for a terminal; 80 columns suffice.
+"""Scores of a submission as tables for a terminal of 80 columns.
 
-What stands in them is up to the axes (`Axis.text_tables`).
+The axes define the contents (`Axis.text_tables`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,7 +24,7 @@ TIED = "≈"
 
 
 def tables(submission: "Submission", others: Sequence["Submission"]) -> Iterator[Table | Text]:
-    """The scores of each split, beside them what the others scored, and what belongs to no split.
+    """Tables of each split, with the scores of other submissions, and of scores without split.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def _beside(
         tied = tied or any(cell.startswith(TIED) for cell in cells)
         rows.append((name, written(main), *cells))
     caption = f"{TIED} tied with {submission.name}: the 95 % intervals overlap\n" if tied else ""
-    table = _plain_table(f"{title} of others, split {split}", caption)
+    table = _plain_table(f"{title} compared with others, split {split}", caption)
     table.add_column("protocol")
     for one in (submission, *others):
         note = standing(one)

@@ -10,9 +10,7 @@ import typer
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables or sentences.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
-Plot = Annotated[
-    Path | None, typer.Option("--plot", help="Picture to draw as well (.png, .pdf or .svg).")
-]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Picture to draw (.png, .pdf or .svg).")]
 
 MODEL_HELP = (
     "Classical model ({models}) or its parameter file, baseline ({baselines}), folder of a trained "
@@ -24,7 +22,11 @@ Params = Annotated[
     typer.Option("--params", help="Parameters of a classical model (JSON), from `granbench fit`."),
 ]
 ParameterSet = Annotated[
-    str | None, typer.Option("--set", help="Published parameters of a classical model.")
+    str | None,
+    typer.Option(
+        "--set",
+        help="Name of a published parameter set of a classical model.",
+    ),
 ]
 OverconsolidationRatio = Annotated[
     float | None, typer.Option("--ocr", help="Overconsolidation ratio at the start.")
@@ -35,6 +37,6 @@ InitialScalars = Annotated[
     typer.Option(
         "--start",
         metavar="NAME=VALUE",
-        help="Another quantity that is known at the start, such as grading_index=1.06.",
+        help="Another quantity at the start, such as grading_index=1.06.",
     ),
 ]

@@ -1,4 +1,4 @@
-"""Standard streams on which no command fails: closed, full, broken or unable to show a character.
+"""Standard streams that never end a command: closed, full, broken or with a narrow encoding.
 
 Cron jobs, daemons and pythonw run without streams; Windows gives pipes the encoding cp1252; a
 reader such as ``head`` closes the pipe early. None of this ends a command before its files are
@@ -53,10 +53,10 @@ class _NeverFailing(io.RawIOBase):
 
 
 def prepare_streams() -> None:
-    """Make the process's own standard streams safe to write to; others, as of tests, are left.
+    """Make the process's own standard streams safe to write to; replaced streams are left alone.
 
     A descriptor that is closed is opened on the null device: the next file that a command writes
-    would get its number, and whatever a library prints would go into that file.
+    would get its number, and output printed by a library would go into that file.
     """
     for number, name in enumerate(STANDARD_STREAMS):
         try:
@@ -94,8 +94,8 @@ def flush_streams() -> OSError | None:
 
     Returns
     -------
-    Why standard output lost something, or None. A reader that left early, as in
-    ``granbench data list | head -1``, has what it wanted: nothing is lost.
+    The error with which output was lost, or None. If a reader such as ``head -1`` closes the pipe
+    early, this is not an error.
     """
     for stream in (sys.stdout, sys.stderr):
         stream.flush()

@@ -1,4 +1,4 @@
-"""`granbench submission`: check a submission before it is sent to the board."""
+"""`granbench submission`: check a submission before it is sent to the leaderboard."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,21 +22,31 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Submissions to the leaderboard.", no_args_is_help=True)
 
 File = Annotated[
-    Path, typer.Argument(help="Submission (JSON), its predictions or model beside it.")
+    Path,
+    typer.Argument(
+        help="Submission (JSON); its predictions or model must be in the same folder.",
+    ),
 ]
 Dataset = Annotated[
     str | None,
-    typer.Option("--dataset", help="Records to score against; those of its task by default."),
+    typer.Option(
+        "--dataset",
+        help="Records to score against; by default those of the task.",
+    ),
 ]
 TaskFile = Annotated[
     str | None,
     typer.Option(
-        "--task", help="Task to score on, by name or YAML file; the one that it names by default."
+        "--task",
+        help="Task to score on, by name or YAML file; by default the one in the submission.",
     ),
 ]
 Board = Annotated[
     Path | None,
-    typer.Option("--board", help="Folder of accepted submissions; the checkout's by default."),
+    typer.Option(
+        "--board",
+        help="Folder of accepted submissions; by default that of the checkout.",
+    ),
 ]
 
 
@@ -56,8 +66,8 @@ def validate(
 ) -> None:
     """Score a submission again from its predictions, or by running its model again.
 
-    A number that is not reproduced is refused. So is a copy of the truth or of another row, as by
-    `granbench leaderboard add`; what else the board would object to is listed.
+    The submission is refused if a number is not reproduced, or if it is a copy of the truth or of
+    another row. Other reasons why the leaderboard would refuse it are listed.
     """
     from granbench.leaderboard.admission import examine
 
@@ -97,7 +107,7 @@ def _as_json(file: Path, examination: "Examination") -> dict[str, object]:
 
 
 def _scores_of_lost(examination: "Examination") -> list[str]:
-    """Labels of scores that did not come out again, without those of curves."""
+    """Labels of scores that were not reproduced, without those of curves."""
     labels = examination.validated.not_reproduced
     return [label for label in labels if not label.startswith("curve ")]
 
@@ -111,8 +121,8 @@ def _sentences(file: Path, examination: "Examination") -> Iterator[str]:
     if examination.validated.not_reproduced:
         yield (
             f"{where}: {scored - len(lost)} of {scored} values were reproduced from {source}; "
-            f"{len(lost)} were NOT: they belong to analyses that the model has lost. The board "
-            "shows the recomputed values, not those of the file."
+            f"{len(lost)} were NOT, because after a large error in the reaction an analysis is "
+            "chaotic. The leaderboard shows the recomputed values, not those of the file."
         )
         for label in lost[:5]:
             yield f"  not reproduced: {label}"
@@ -121,13 +131,13 @@ def _sentences(file: Path, examination: "Examination") -> Iterator[str]:
     if checked.deterministic and len(checked.seeds) > 1:
         yield "All seeds give the same answers: it is shown as one deterministic model."
     if not examination.objections:
-        yield "The board would take it."
+        yield "The leaderboard would accept it."
     for objection in examination.objections:
-        yield f"The board would not take it: {objection.text}."
+        yield f"The leaderboard would refuse it: {objection.text}."
 
 
 def board_or_default(board: Path | None) -> Path | None:
-    """The board's folder; that of the checkout by default; None without a checkout."""
+    """The leaderboard's folder; by default that of the checkout; None without a checkout."""
     from granbench.leaderboard.rows import default_folder
 
     if board is not None:

@@ -68,12 +68,12 @@ def _print(task: "Task", sizes: "Mapping[str, SplitSize] | None") -> None:
     facts.add_row("ground truth", "none" if truth is None else truth.model)
     for data in task.training_data:
         allowed = f"{data.dataset} {data.version}, {', '.join(data.splits)}"
-        facts.add_row("may be trained on", allowed)
+        facts.add_row("allowed training data", allowed)
     table = Table("split", "used for", "paths", "specimens")
     for split, role in task.splits.roles().items():
         size = None if sizes is None else sizes[split]
         counts = ("?", "?") if size is None else (str(size.paths), str(size.specimens))
-        table.add_row(split, _USES.get(role, "score, other kind of paths"), *counts)
+        table.add_row(split, _USES.get(role, "scoring, out of distribution"), *counts)
     say(f"{task.id} {task.version}: {task.summary}")
     show(facts, table)
     if task.analyses:
@@ -83,10 +83,10 @@ def _print(task: "Task", sizes: "Mapping[str, SplitSize] | None") -> None:
             analyses.add_row(one.name, one.problem, one.mesh, ", ".join(one.solvers), choices)
         show(analyses)
     if sizes is None:
-        say("note: the records are not on this machine; `granbench data fetch` gets them")
+        say("note: the records are not on this machine; get them with `granbench data fetch`")
     else:
         for sentence in shortages_of_task(task, sizes):
             say(f"note: {sentence}")
 
 
-_USES = {"train": "training", "validation": "validation", "test": "score"}
+_USES = {"train": "training", "validation": "validation", "test": "scoring"}

@@ -20,8 +20,8 @@ TaskName = Annotated[
     typer.Option(
         "--task",
         metavar="NAME|FILE",
-        help=f"Task ({', '.join(task_names())}, or one of another package, see `granbench task "
-        "list`), NAME@VERSION, a task's YAML file, or a netCDF file of records; dem-triaxial by "
-        "default, or dem-triaxial-mini if that is not on this machine.",
+        help=f"Task ({', '.join(task_names())}, or a task of another package, see `granbench task "
+        "list`), NAME@VERSION, a task's YAML file, or a netCDF file of records; by default "
+        "dem-triaxial or, if it is not on this machine, dem-triaxial-mini.",
     ),
 ]

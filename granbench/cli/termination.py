@@ -1,4 +1,4 @@
-"""SIGTERM, which batch systems and `timeout` send, ends a command as Ctrl-C does."""
+"""Handling of SIGTERM, sent by batch systems and `timeout`, in the same way as Ctrl-C."""
 
 import signal
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ TERMINATED = 128 + signal.SIGTERM
 
 
 class _Terminated(KeyboardInterrupt):
-    """The exception of SIGTERM, which everything that handles Ctrl-C handles as well."""
+    """Exception for SIGTERM; code that handles Ctrl-C handles it as well."""
 
 
 @contextmanager

@@ -28,7 +28,7 @@ SECONDS_PER_MINUTE = 60.0
 def train(
     baseline: Annotated[str, typer.Argument(metavar="BASELINE", help="One of {baselines}.")],
     out: Annotated[
-        Path, typer.Option("--out", help="Folder of the run; an earlier run there is continued.")
+        Path, typer.Option("--out", help="Folder of the run; an earlier run in it is continued.")
     ],
     task: TaskName = None,
     seed: Annotated[int, seed_option("Seed of weights and batches.")] = 0,
@@ -37,16 +37,21 @@ def train(
     ] = None,
     budget: Annotated[
         float | None,
-        typer.Option("--budget", metavar="MINUTES", help="Training time, over all sessions."),
+        typer.Option(
+            "--budget",
+            metavar="MINUTES",
+            help="Largest training time, in total over all runs of the command.",
+        ),
     ] = None,
     epochs: Annotated[
-        int | None, typer.Option("--epochs", min=1, help="Most epochs, instead of the preset's.")
+        int | None,
+        typer.Option("--epochs", min=1, help="Largest number of epochs; the preset's by default."),
     ] = None,
     device: Annotated[str, typer.Option("--device", help="cpu or cuda.")] = "cpu",
     threads: Annotated[
         int,
         typer.Option(
-            "--threads", min=1, help="CPU threads; more are faster where the cores are idle."
+            "--threads", min=1, help="CPU threads; more are faster only if the cores are idle."
         ),
     ] = 1,
     as_json: Annotated[
@@ -56,9 +61,9 @@ def train(
 ) -> None:
     """Train a baseline on a task; run the same command again to continue.
 
-    The model sees the training and validation splits of the task and nothing else. The folder then
-    holds model.safetensors and model.json, history.csv and learning_curve.png, and
-    training.safetensors, from which a run continues.
+    The model is given only the training and validation splits of the task. The folder then holds
+    model.safetensors and model.json, history.csv and learning_curve.png, and training.safetensors,
+    from which a run continues.
     """
     seconds = None if budget is None else _seconds(budget)
     require_cores("--threads", threads)

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 FIGURES: dict[str, tuple[Callable[[xr.Dataset], "Figure"], str]] = {
     "stress-strain": (
         dataset_figure,
-        "Stress ratio and void ratio against axial strain of specimens of one grading that "
-        "differ in density only.",
+        "Stress ratio and void ratio against axial strain, for specimens of one grading that "
+        "differ only in density.",
     ),
     "critical-state": (
         critical_state_figure,
@@ -49,8 +49,8 @@ FIGURES: dict[str, tuple[Callable[[xr.Dataset], "Figure"], str]] = {
     ),
     "preparation": (
         preparation_figure,
-        "Initial void ratio against preparation friction, brought to one mean stress along a "
-        "compression line fitted within specimens.",
+        "Initial void ratio against preparation friction, converted to the same mean stress with "
+        "a compression line fitted within specimens.",
     ),
     "cyclic": (
         cyclic_figure,
@@ -58,7 +58,7 @@ FIGURES: dict[str, tuple[Callable[[xr.Dataset], "Figure"], str]] = {
     ),
     "quality": (
         quality_figure,
-        "Share of the paths below each value of the control errors and of the inertial number.",
+        "Cumulative distribution of the control errors and of the inertial number over the paths.",
     ),
 }
 
@@ -70,12 +70,12 @@ PLANE_FIGURES: dict[str, tuple[Callable[[xr.Dataset], "Figure"], str]] = {
     ),
     "increments": (
         increment_figure,
-        "Share of the strain increments below each norm, by split.",
+        "Cumulative distribution of the norm of the strain increments, by split.",
     ),
     "stress-space": (
         stress_space_figure,
-        "Mean and deviatoric stress that the paths of the training split visit, and of those "
-        "out of distribution.",
+        "Mean and deviatoric stress along the paths of the training split and of the splits out "
+        "of distribution.",
     ),
 }
 """Figures of drawn strain paths in the plane, instead of `FIGURES`."""

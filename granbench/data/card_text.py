@@ -16,6 +16,11 @@ from granbench.plotting.quality import QUALITY_LIMITS
 from granbench.records.observations import MONOTONIC_FAMILIES, select
 from granbench.tensors import component_order
 
+ABBREVIATIONS = (
+    "Abbreviations: DEM, discrete element method; RMS, root mean square over a path; MSE, mean "
+    "squared error."
+)
+
 
 def card_text(
     records: xr.Dataset,
@@ -28,12 +33,13 @@ def card_text(
     ----------
     records : stress-strain records
     figures : caption of each figure by its address relative to the page
-    undrawn : reason by title of each figure that does not apply
+    undrawn : reason for each figure that does not apply, by title
     """
     attributes = records.attrs
     sections = [
         f"# {attributes['dataset']} {attributes['version']}",
         str(attributes.get("title", "")),
+        "" if _in_plane(records) else ABBREVIATIONS,
         _identity(records),
         "## Design\n\n" + _design(records),
         *(f"![]({address})\n\n*{caption}*" for address, caption in figures.items()),
@@ -174,14 +180,15 @@ def _scatter(records: xr.Dataset) -> str:
         ("RMS difference of stress / training standard deviation", lateral),
         ("normalised MSE between two packings", f"{scatter.stress_mse:.2e}"),
         ("normalised MSE of a model that predicts their mean", f"{scatter.floor_mse:.2e}"),
-        ("the same of the median pair", f"{scatter.floor_median:.2e}"),
+        ("the same for the median pair", f"{scatter.floor_median:.2e}"),
     ]
     if scatter.void_ratio_rms is not None:
         rows.append(("RMS difference of void ratio", f"{scatter.void_ratio_rms:.5f}"))
     return (
-        "Two packings of one grading and preparation, loaded alike, differ, a little in strain "
-        "and initial void ratio too. The scatter over whole paths, from pairs in all splits, says "
-        "how close to the truth a model can be expected to come:\n\n" + table(("", ""), rows)
+        "Two packings with the same grading and preparation, loaded in the same way, give "
+        "different stresses; their strain and initial void ratio also differ slightly. The scatter "
+        "over whole paths, from pairs in all splits, shows how close to the truth a model can be "
+        "expected to come:\n\n" + table(("", ""), rows)
     )
 
 
@@ -204,7 +211,8 @@ def _splits(records: xr.Dataset) -> str:
     )
     return (
         _counts(records, "split", names, "loading_family", families)
-        + f"\n\n{verdict} Distance of the nearest two paths, in standard deviations: {distances}."
+        + f"\n\n{verdict} Distance between the nearest paths of two splits, in standard "
+        f"deviations: {distances}."
     )
 
 

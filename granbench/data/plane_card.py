@@ -39,7 +39,7 @@ def _ground_truth(records: xr.Dataset) -> str | None:
         (name.replace("_", " "), f"{value:g}", truth["units"].get(name, ""))
         for name, value in truth["parameters"].items()
     ]
-    return f"Every path is the answer of the model `{truth['model']}`.\n\n" + table(
+    return f"Every path is the response of the model `{truth['model']}`.\n\n" + table(
         ("parameter", "value", "unit"), rows
     )
 

@@ -1,5 +1,5 @@
 "use strict";
-// Sort a table by the heading that was pressed; rows without a number stay last either way.
+// Sort a table by the heading that was clicked; rows without a number always come last.
 function sortBy(heading) {
   const rows = heading.closest("table").tBodies[0];
   const ascending = heading.getAttribute("aria-sort") !== "ascending";
@@ -20,7 +20,7 @@ function sortBy(heading) {
   rows.append(...Array.from(rows.rows).sort(order));
 }
 
-// Show the chosen split and score only; without this script the page shows them all.
+// Show only the chosen split and score; without this script the page shows all of them.
 function show(form) {
   const wanted = { split: form.elements.split.value, metric: form.elements.metric.value };
   for (const section of document.querySelectorAll("section[data-split]")) {

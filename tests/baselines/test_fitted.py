@@ -86,7 +86,7 @@ def test_time_that_is_over_ends_the_search(tmp_path: Path) -> None:
     assert about["ended_by"] == "budget"
 
 
-def test_a_model_that_cannot_start_so_says_why(tmp_path: Path) -> None:
+def test_a_model_that_cannot_start_gives_the_reason(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="compression"):
         quick(CSUH_FITTED).train(TrainingRequest(plane_records("gp-j2"), tmp_path))
     with pytest.raises(ModelError, match="csuh-fitted|j2-fitted|ime-fitted"):

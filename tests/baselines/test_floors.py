@@ -33,13 +33,15 @@ def test_unknown_baseline_is_refused_with_the_nearest_name() -> None:
 
 
 @pytest.mark.parametrize("name", FLOORS)
-def test_what_has_nothing_to_train_says_so(records: xr.Dataset, tmp_path, name: str) -> None:
+def test_a_baseline_without_training_cannot_be_trained(
+    records: xr.Dataset, tmp_path, name: str
+) -> None:
     with pytest.raises(ModelError, match=name):
         find_baseline(name).train(TrainingRequest(records, tmp_path))
 
 
 @pytest.mark.parametrize("name", ["lstm", "mlstm"])
-def test_what_has_to_be_trained_says_so(records: xr.Dataset, name: str) -> None:
+def test_using_an_untrained_baseline_is_an_error(records: xr.Dataset, name: str) -> None:
     with pytest.raises(UntrainedBaselineError, match=name):
         find_cells(name, records)
 
@@ -59,7 +61,7 @@ def test_oracle_refuses_a_path_that_it_was_not_shown(records: xr.Dataset) -> Non
         cell.initial_state(conditions_of(records))
 
 
-def test_persistence_stays_where_it_was(records: xr.Dataset) -> None:
+def test_persistence_keeps_the_stress_constant(records: xr.Dataset) -> None:
     cell = find_cells("persistence", records).cell
     history = history_of(records)
     result = cell.rollout(history.strain, history.conditions)

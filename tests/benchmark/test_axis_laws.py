@@ -104,7 +104,7 @@ def test_a_missing_variable_is_refused_by_its_name(axis: Axis, predictions, task
         if axis.was_run(without, axis.parts[0]):
             with pytest.raises(SubmissionError, match=name):
                 card(without, task_records)
-        else:  # it was what said that the axis was run
+        else:  # this variable shows that the axis was run
             found = [s for s in card(without, task_records).scores if s.axis in axis.names]
             assert {s.status for s in found} == {"not_run"}
 

@@ -98,8 +98,8 @@ def test_reaction_of_a_softer_body_is_that_of_linear_elasticity(soft) -> None:
     assert found["error_point_share"] == 0.0  # 20 % is below 50
 
 
-def test_the_explicit_solver_says_the_same_where_it_is_slow(soft) -> None:
-    """But for the share of the reaction that inertia makes: the drive starts at once."""
+def test_the_explicit_error_at_low_speed_is_due_to_inertia(soft) -> None:
+    """The drive starts at once, so inertia is a share of the reaction."""
     found = values(card(*soft), "explicit", "smooth")
     assert found["reaction_error"] == pytest.approx(0.2, abs=0.05)
     assert found["reached_share"] == 1.0
@@ -183,7 +183,7 @@ def test_networks_and_cells_without_a_tangent_work_in_both_solvers(model, tolera
         assert values(found, solver)["reaction_error"] < tolerance
 
 
-def test_a_model_learns_of_the_start_what_a_record_would_tell_it() -> None:
+def test_a_model_is_given_the_same_start_as_along_a_record() -> None:
     """At every start that there is, that which only warms up included."""
     known: set[float] = set()
 
@@ -203,7 +203,7 @@ def test_a_model_learns_of_the_start_what_a_record_would_tell_it() -> None:
 
 
 def test_a_floor_without_stiffness_says_why_it_fails() -> None:
-    """Persistence bears nothing new: no load step of the implicit solver balances."""
+    """Persistence takes no additional load: no load step of the implicit solver balances."""
     records = embedding_records(J2(), (analysis("pressed", choices={"confinement": {
         "curvature": 1.0, "seed": 0, "mean": 1e5, "deviation": 2e4}}),))  # fmt: skip
     predictions = made(find_cells("persistence", records).cell, records)
@@ -221,7 +221,7 @@ def test_an_analysis_that_converges_too_seldom_is_given_up(monkeypatch) -> None:
     assert "given up after 0 updates" in reason
 
 
-def test_what_the_axis_does_not_apply_to_says_why() -> None:
+def test_a_score_that_does_not_apply_has_a_reason() -> None:
     records = embedding_records()
     oracle = find_cells("oracle", records).cell
     predictions = made(oracle, records)

@@ -76,7 +76,7 @@ def lost_from(output: int, places: tuple[int, ...]) -> np.ndarray:
     return factor
 
 
-def test_the_truth_scores_what_the_metrics_say(responded, card) -> None:
+def test_the_truth_has_the_scores_that_the_metrics_state(responded, card) -> None:
     found = card(responded())
     for part in AXIS.parts:
         for metric in AXIS.metrics():

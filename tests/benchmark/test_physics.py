@@ -330,7 +330,7 @@ def straight(paths: int = 2, steps: int = 101) -> torch.Tensor:
     return way * torch.tensor([1.0, 0.0, 0.5]) * torch.ones(paths, 1, 1)
 
 
-def test_elastic_cycles_cost_nothing_and_friction_costs_its_way() -> None:
+def test_elastic_cycles_dissipate_nothing_and_friction_its_work() -> None:
     assert (cycle_work(cell(Elastic()), straight(), start()).abs() < 1e-12).all()
 
     class Friction(torch.nn.Module):
@@ -340,7 +340,7 @@ def test_elastic_cycles_cost_nothing_and_friction_costs_its_way() -> None:
             return 1e3 * torch.sign(dstrain)
 
     # sigma_xx d eps_xx and twice sigma_xy d eps_xy; one step at each of the two turning points,
-    # of 200 steps, is walked at a mean stress of zero.
+    # of 200 steps, has a mean stress of zero.
     expected = 1e3 * 2e-2 * (1.0 + 2.0 * 0.5) * (1.0 - 2.0 / 200.0)
     assert cycle_work(cell(Friction()), straight(), start()).tolist() == pytest.approx(
         [expected, expected], rel=1e-12

@@ -103,7 +103,7 @@ def test_work_that_is_given_away_counts_by_the_length_of_the_cycle(responded, tr
     assert card.find("dissipation", "test", "violation_worst").value == 0.0
 
 
-def test_a_breakdown_counts_at_the_ceiling_and_stays_in_the_mean(responded, truth, normalisation):
+def test_a_breakdown_counts_as_the_largest_violation(responded, truth, normalisation):
     rows = checked_paths(truth)
     inside = np.flatnonzero(truth["split"].values[rows].astype(str) == "test")
     error = np.zeros((len(SEEDS), len(rows)))

@@ -80,7 +80,7 @@ def test_an_elastic_floor_is_off_the_recomputed_truth() -> None:
     assert all(0.01 < error < 100.0 for error in errors)
 
 
-def test_the_oracle_cannot_say_what_would_have_been() -> None:
+def test_the_oracle_has_no_score_against_the_recomputed_truth() -> None:
     records = plane_records()
     result = card(find_cells("oracle", records).cell, records, ["noise"])
     found = result.find("noise-1.0", "test", "recomputed_mse_mean")

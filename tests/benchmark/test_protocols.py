@@ -60,7 +60,7 @@ def test_a_single_step_starts_from_the_truth(scored):
     np.testing.assert_allclose(series["void_ratio"][:, 1:], expected, rtol=1e-5)
 
 
-def test_a_rollout_never_sees_the_truth_again(scored):
+def test_a_rollout_is_given_the_truth_only_at_the_start(scored):
     stress = rollout(Persistence(), scored)["stress"].numpy()
     np.testing.assert_array_equal(stress, np.repeat(stress[:, :1], stress.shape[1], axis=1))
     np.testing.assert_array_equal(stress[:, 0], scored["stress"].values[:, 0])
@@ -124,7 +124,7 @@ def test_a_breakdown_keeps_what_came_before_and_every_other_path(scored, raises)
     np.testing.assert_array_equal(np.isnan(stress[:, 1:, 0]), broken)
 
 
-def test_the_two_ways_of_breaking_down_are_scored_alike(records, scored):
+def test_both_kinds_of_breakdown_have_the_same_score(records, scored):
     normalisation = Normalisation.from_training(records)
     by_nan, by_raising = (
         score(
@@ -138,7 +138,7 @@ def test_the_two_ways_of_breaking_down_are_scored_alike(records, scored):
     assert by_nan.find("rollout", "test", "failed_share").value > 0.0
 
 
-def test_a_single_step_that_breaks_down_stands_alone(scored):
+def test_single_steps_are_lost_once_the_state_of_the_record_fails(scored):
     class Limited(Persistence):
         def step(self, dstrain, state):
             if (state[:, 0] > 2e6).any():

@@ -38,7 +38,7 @@ def test_an_error_of_one_training_deviation_scores_one(predicted, truth, normali
         assert card.find("window", "ood-psd", metric).value == pytest.approx(1.0, rel=1e-3)
 
 
-def test_the_joint_error_weighs_four_outputs_alike(predicted, truth, normalisation):
+def test_the_joint_error_has_equal_weights_for_four_outputs(predicted, truth, normalisation):
     card = score(predicted(0.0, 2.0 * normalisation.std["void_ratio"]), truth, normalisation)
     assert card.find("rollout", "test", "void_ratio_mse_mean").value == pytest.approx(4, rel=1e-2)
     assert card.find("rollout", "test", "output_mse_mean").value == pytest.approx(1, rel=1e-2)
@@ -52,7 +52,7 @@ def test_context_steps_are_never_counted(predicted, truth, normalisation):
     assert card.find("rollout", "test", "failed_share").value == 0.0
 
 
-def test_a_broken_run_stays_in_the_denominator(predicted, truth, normalisation):
+def test_a_broken_run_counts_in_the_mean(predicted, truth, normalisation):
     predictions = predicted()
     test_paths = np.flatnonzero(truth["split"].values == "test")
     predictions["stress"][:, :, test_paths[0], 21:] = np.nan
@@ -72,9 +72,9 @@ def test_a_broken_run_stays_in_the_denominator(predicted, truth, normalisation):
     assert card.find("rollout", "ood-psd", "failed_share").value == 0.0
 
 
-def test_the_step_of_divergence_is_where_the_path_is_lost_for_good(predicted, truth, normalisation):
+def test_the_step_of_divergence_is_the_first_without_recovery(predicted, truth, normalisation):
     predictions = predicted()
-    predictions["stress"][..., 5, :] *= 3.0  # an error point that heals
+    predictions["stress"][..., 5, :] *= 3.0  # an error point with recovery
     predictions["stress"][..., 12:, :] *= 3.0  # lost from step 12 on
     scored = scored_predictions(predictions, truth, normalisation)
     for name in ("rollout", "noise-0.5"):

@@ -66,7 +66,7 @@ def test_every_seed_has_the_cell_that_the_factory_makes_for_it(
     assert found.trained
 
 
-def test_folder_goes_before_a_baseline_of_its_name(
+def test_a_folder_has_priority_over_a_baseline_of_the_same_name(
     records: xr.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

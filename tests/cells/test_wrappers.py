@@ -33,7 +33,7 @@ ARGUMENTS = {
         {name: torch.zeros(POINTS, dtype=cell.dtype) for name in cell.free},
     )
 }
-"""What a wrapper needs beside the cell, so that it changes nothing."""
+"""Arguments, besides the cell, with which a wrapper changes nothing."""
 
 
 def wrappers() -> list[type[CellWrapper]]:
@@ -89,7 +89,7 @@ def test_the_wrappers_of_the_package_are_found() -> None:
 
 
 def test_the_wrapper_forwards_every_method_of_the_contract() -> None:
-    """All but those that follow from others, which nobody may override."""
+    """All but those that follow from others, which no wrapper may override."""
     for name, member in vars(MaterialCell).items():
         follows = getattr(member, "__final__", False) or name == "component_count"
         if not name.startswith("_") and not follows and name not in CONTRACT_ATTRIBUTES:

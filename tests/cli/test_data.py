@@ -35,7 +35,7 @@ def assert_one_sentence(result, *parts):
         assert part in err
 
 
-def test_list_says_what_there_is_and_where(granbench, shelf, records):
+def test_list_shows_all_datasets_and_their_places(granbench, shelf, records):
     entry = shelf.publish(records)
     code, out, _ = granbench("data", "list")
     assert code == 0
@@ -97,7 +97,7 @@ def _overwrite_one_value(file, name):
         handle[name][3, 5] += 1e-6 * handle[name][3, 5]
 
 
-def test_verify_says_what_the_registry_knows(granbench, shelf, records):
+def test_verify_reports_the_registered_name(granbench, shelf, records):
     entry = shelf.publish(records)
     words = ("data", "verify", shelf.mirror / entry.file, "--json")
     assert json.loads(granbench(*words)[1])["registered"] == "synthetic@1.0.0"
@@ -139,7 +139,7 @@ def test_user_errors_are_one_sentence(granbench, shelf, records, tmp_path):
     assert_one_sentence(granbench("data", "list", "--jsn"), "--jsn")
 
 
-def test_list_and_fetch_say_what_can_be_made_here(granbench, shelf, records):
+def test_list_and_fetch_name_datasets_that_can_be_made(granbench, shelf, records):
     for version, seconds in (("1.0.0", None), ("1.1.0", 5.0), ("1.2.0", 200.0)):
         entry = shelf.publish(records, version)
         file = shelf.mirror.parent / "registry" / f"synthetic-{version}.yaml"
@@ -220,6 +220,6 @@ def test_a_dataset_that_declares_terabytes_is_refused_by_every_command(granbench
         assert_one_sentence(granbench("data", command, records_file), "synthetic.nc", "declares")
 
 
-def test_verify_says_what_it_cannot_vouch_for(granbench, shelf, records_file):
+def test_verify_reports_what_it_cannot_check(granbench, shelf, records_file):
     out = granbench("data", "verify", records_file)[1]
     assert "not registered" in out and "ground truth" in out

@@ -167,7 +167,7 @@ def test_a_users_own_cell_is_driven(drive, tmp_path):
     assert abs(found["eps_11"] + found["eps_22"] + found["eps_33"]).max() <= 1e-12
 
 
-def test_a_baseline_is_told_what_it_needs_at_its_start(drive, tmp_path):
+def test_options_give_what_a_baseline_needs_at_the_start(drive, tmp_path):
     words = ("linear-elastic", "--control", "oedometer", "--steps", "3", "--out", "out.csv")
     refused(drive(*words), "'initial_void_ratio'", "give it with --e0")
     assert drive(*words, "--e0", "0.6")[0] == 0
@@ -175,7 +175,7 @@ def test_a_baseline_is_told_what_it_needs_at_its_start(drive, tmp_path):
     refused(
         drive(*words, "--e0", "0.6", "--start", "grading_index=1.1"),
         "--start grading_index is given",
-        "makes no use of it",
+        "does not use it",
     )
 
 
@@ -203,7 +203,7 @@ def test_internal_variables_are_in_the_answer(drive, tmp_path):
     assert found["plastic_strain_yy"][-1] > 0.0 > found["plastic_strain_xx"][-1]
 
 
-def test_what_a_user_can_get_wrong_is_said_in_one_sentence(drive, tmp_path):
+def test_mistakes_of_a_user_are_errors_of_one_sentence(drive, tmp_path):
     (tmp_path / "path.csv").write_text(PLANE)
     (tmp_path / "nan.csv").write_text(PLANE + "0.02,nan,0\n")
     (tmp_path / "principal.csv").write_text("eps_11,eps_22,eps_33\n0.1,0,0\n")
@@ -257,7 +257,7 @@ def test_what_a_user_can_get_wrong_is_said_in_one_sentence(drive, tmp_path):
         (("my_cells:hooke", *test, "--set", "mine"), ["--set", "classical"]),
         (("j2", *test, "--set", "a", "--params", "b.json"), ["--set and --params"]),
         (("j2", *test, "--params", "absent.json"), ["absent.json"]),
-        (("j2", *test, "--e0", "0.6"), ["--e0", "makes no use of it"]),
+        (("j2", *test, "--e0", "0.6"), ["--e0", "does not use it"]),
         (("j2", *test, "--e0", "0.6", "--ocr", "2"), ["--e0 and --ocr"]),
         (("csuh", *test, "--e0", "0.6", "--start", "overconsolidation_ratio=2"), ["--e0 and"]),
         (("csuh", *test, "--e0", "0.6", "--start", "initial_void_ratio=1"), ["given twice"]),
@@ -299,7 +299,7 @@ def test_tension_is_refused_where_the_model_has_none(drive, tmp_path):
     assert drive("j2", "--path", "tension.csv", "--out", "out.csv")[0] == 0
 
 
-def test_a_principal_stress_that_becomes_tensile_is_said(drive, tmp_path):
+def test_a_tensile_principal_stress_is_reported(drive, tmp_path):
     words = ["--control", "triaxial-drained", "--p0", "1e5", "--steps", "20", "--out", "out.csv"]
     code, out, _ = drive("modified-cam-clay", *words, "--strain", "-0.1", "--ocr", "8")
     assert code == 0

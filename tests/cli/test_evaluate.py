@@ -217,14 +217,14 @@ def test_models_in_folders_are_the_seeds(granbench, task, my_model, tmp_path):
     assert first.by_seed[0] != first.by_seed[1]
 
 
-def test_scores_are_shown_beside_the_floors(granbench, task, my_model):
+def test_scores_are_shown_with_the_floors(granbench, task, my_model):
     granbench("evaluate", "persistence", "--task", task, "--out", "floor.json", "--quiet")
     code, out, _ = granbench(
         "evaluate", my_model, "--task", task, "--axis", "window", "--against", "floor.json",
         "--seeds", "0",
     )  # fmt: skip
     assert code == 0
-    assert "Stress MSE of others" in out and "persistence" in out
+    assert "Stress MSE compared with others" in out and "persistence" in out
     assert "window" in out and "single-step" not in out
 
 

@@ -118,7 +118,7 @@ def test_file_holds_what_python_computes(fem):
         assert names <= set(found.data_vars)
 
 
-def test_implicit_solver_says_its_iterations_as_json(fem):
+def test_iterations_of_the_implicit_solver_are_in_the_json(fem):
     words = ("--cell", "own:hooke", "--solver", "implicit", "--outputs", 4, "--out", "a.nc")
     code, out, err = fem("strip-footing", *words, "--json", *COARSE)
     assert code == 0, err
@@ -183,7 +183,7 @@ def test_model_that_fails_at_once_leaves_the_start(fem, tmp_path):
     words = ("--cell", "own:nothing", "--out", "a.nc", "--plot", "a.png", "--mesh", "coarse")
     refused(
         fem("biaxial", *words), "at zero strain",
-        "a.nc holds the start only",
+        "a.nc holds only the start",
     )  # fmt: skip
     with xr.open_dataset("a.nc") as found:
         assert (found.sizes["step"], found.attrs["failed_step"]) == (1, 0)
@@ -293,10 +293,10 @@ def test_interrupted_run_keeps_its_output_so_far(fem, cell, code):
         (("retaining-wall", "--cell", "j2", "--choose", "weight=5"), ["weight=5"]),
         (("biaxial", "--cell", "csuh", "--choose", "confinement=0"), ["p0 above zero"]),
         (("biaxial", "--cell", "csuh", "--e0", "3"), ["void ratio of 3.0000", "loosest"]),
-        (("biaxial", "--cell", "j2", "--ocr", "3"), ["--ocr is given, but j2 makes no use of it"]),
+        (("biaxial", "--cell", "j2", "--ocr", "3"), ["--ocr is given, but j2 does not use it"]),
         (
             ("biaxial", "--cell", "j2", "--start", "grading_index=1"),
-            ["--start grading_index is given, but j2 makes no use of it; leave it out"],
+            ["--start grading_index is given, but j2 does not use it; leave it out"],
         ),
         (
             ("biaxial", "--cell", "j2", "--choose", "ends=smooth", "--choose", "ends=rough"),

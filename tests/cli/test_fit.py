@@ -76,7 +76,7 @@ def test_a_fitted_cell_is_scored_like_any_model(laboratory: Path, tmp_path: Path
     task = ("--task", "gp-j2-mini", "--axis", "rollout", "--seeds", "0")
     assert run("evaluate", out / "parameters.json", *task, "--out", card, "--quiet") == 0
     submission = json.loads(card.read_text())
-    # Every fit calls its file alike; its folder says which it is.
+    # Every fit gives its file the same name; the folder identifies it.
     assert submission["name"] == "j2-fit"
     scores = submission["scores"]
     found = [s for s in scores if s["metric"] == "stress_mse_mean" and s["status"] == "scored"]

@@ -83,7 +83,7 @@ def test_threads_are_bounded_by_the_cores(tmp_path: Path, capsys: pytest.Capture
     assert f"{core_count()} cores" in capsys.readouterr().err
 
 
-def test_work_is_bounded_where_somebody_asks_for_it() -> None:
+def test_work_is_limited_only_within_a_budget() -> None:
     for _ in range(1000):
         spend()  # without a budget
     with pytest.raises(WorkExceeded), work_budget(10):

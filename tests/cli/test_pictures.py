@@ -24,7 +24,7 @@ def run(*words: object) -> int:
 @pytest.mark.parametrize(
     "backend", ["module://matplotlib_inline.backend_inline", "no such backend", "TkAgg"]
 )
-def test_a_picture_is_drawn_whatever_backend_the_environment_names(
+def test_a_picture_is_drawn_with_any_backend_in_the_environment(
     backend: str, tmp_path: Path
 ) -> None:
     environment = {name: text for name, text in os.environ.items() if name != "DISPLAY"}

@@ -9,7 +9,7 @@ from granbench.cli.progress import progress_bar, progress_notes, shows_bar
 
 
 @pytest.mark.parametrize("hidden", [False, True])
-def test_long_work_says_how_far_it_is(hidden, monkeypatch, capsys):
+def test_long_work_reports_its_progress(hidden, monkeypatch, capsys):
     monkeypatch.setattr(progress, "SECONDS_BETWEEN_NOTES", 0.05)
     with progress_notes(lambda: "driving csuh: 3 of 200 steps", hidden):
         time.sleep(0.3)

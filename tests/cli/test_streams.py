@@ -62,7 +62,7 @@ def test_printing_never_fails_and_no_file_takes_the_place_of_a_stream(
 
 
 @pytest.mark.parametrize("streams", ["<&- >&- 2>&-", "2>&1 | true"])
-def test_results_are_written_whatever_becomes_of_the_streams(streams: str, tmp_path: Path) -> None:
+def test_results_are_written_with_any_failure_of_the_streams(streams: str, tmp_path: Path) -> None:
     done = shell(f"{DRIVE} {streams}", tmp_path)
     assert done.returncode == 0
     assert b"Traceback" not in done.stderr

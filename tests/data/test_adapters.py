@@ -41,7 +41,7 @@ def test_windows_are_pieces_of_their_paths(records, stride):
         windows[len(windows)]
 
 
-def test_a_window_knows_what_a_path_cut_there_knows(records):
+def test_a_window_has_the_conditions_of_a_path_that_starts_there(records):
     """Conditions from a batch of windows equal `conditions_of` at the windows' start."""
     windows = WindowDataset(records, dtype=torch.float64)
     start = 13

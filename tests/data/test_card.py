@@ -51,7 +51,7 @@ def test_a_figure_without_its_tests_is_named_with_the_reason(
     assert "*cyclic* is left out: synthetic has no cyclic tests" in text
 
 
-def test_a_leak_is_said_aloud(records: xr.Dataset) -> None:
+def test_a_leak_is_reported(records: xr.Dataset) -> None:
     leaking = records.copy(deep=True)
     split = leaking["split"].values.astype(object)
     split[0] = "test"

@@ -36,7 +36,7 @@ def test_the_checkout_comes_first_and_works_offline(shelf, published, content, t
     assert mirror.requests == []
 
 
-def test_a_wrong_file_in_the_checkout_gives_way_to_the_next_mirror(
+def test_a_wrong_file_in_the_checkout_is_skipped_for_the_next_mirror(
     shelf, published, content, tmp_path
 ):
     (shelf.checkout / published.file).write_bytes(content[:-1] + b"?")
@@ -155,13 +155,13 @@ def test_every_mirror_is_named_when_none_helps(shelf, published, tmp_path):
     assert "ftp://example.org: only folders and http" in str(caught.value)
 
 
-def test_nobody_at_the_address(shelf, published, tmp_path):
+def test_an_address_without_a_server(shelf, published, tmp_path):
     shelf.use_mirror("http://127.0.0.1:9")
     with pytest.raises(DownloadError, match="refused"):
         fetch(published, tmp_path)
 
 
-def test_a_full_disk_is_said_and_leaves_nothing(shelf, published, content, tiny_disk):
+def test_a_full_disk_is_reported_and_leaves_no_file(shelf, published, content, tiny_disk):
     shelf.use_mirror(shelf.mirror)
     with pytest.raises(DownloadError, match="the disk is full"):
         fetch(published, tiny_disk)

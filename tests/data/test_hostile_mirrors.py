@@ -57,7 +57,7 @@ ANSWERS = {
 
 
 @pytest.mark.parametrize("kind", ANSWERS)
-def test_an_answer_that_lies_is_one_short_sentence_and_no_file(shelf, published, content, kind):
+def test_a_false_answer_is_one_short_error_and_no_file(shelf, published, content, kind):
     answer, sentence = ANSWERS[kind]
     with serve(answer(content)) as mirror:
         shelf.use_mirror(mirror.address)
@@ -70,7 +70,7 @@ def test_an_answer_that_lies_is_one_short_sentence_and_no_file(shelf, published,
 @pytest.mark.parametrize(
     "span", ["bytes 0-99/100", "bytes 1000-5/9", "bytes 1000-", "lines 1000-2000/*", "\xb2", ""]
 )
-def test_a_range_that_was_not_asked_for_is_not_appended(shelf, published, content, span):
+def test_a_range_that_was_not_requested_is_not_appended(shelf, published, content, span):
     shelf.cache.mkdir()
     part = shelf.cache / f"{published.file}.part"
     part.write_bytes(content[:1000])
@@ -115,9 +115,7 @@ def test_a_server_that_sends_a_byte_in_each_connection_is_given_up(
         "HTTP://[", "/dev/null", "/proc/self/mem/x", "x" * 5000, "a\nb",
     ],
 )  # fmt: skip
-def test_a_mirror_that_is_none_is_one_sentence_and_the_next_is_tried(
-    shelf, published, name, monkeypatch
-):
+def test_an_invalid_mirror_is_one_error_and_the_next_is_tried(shelf, published, name, monkeypatch):
     monkeypatch.setattr(download, "TIMEOUT", 2.0)
     shelf.use_mirror(name)
     with pytest.raises(DownloadError, match="could not be fetched") as caught:

@@ -1,4 +1,4 @@
-"""Datasets that no mirror gives: made here by their registered command, or said how to get them."""
+"""Datasets that no mirror has: made by their command, or an error explains how to get them."""
 
 import logging
 import os
@@ -37,7 +37,7 @@ def in_other_bytes(file: Path) -> Path:
     return file
 
 
-def test_what_takes_seconds_is_made_checked_and_said(shelf, caplog):
+def test_a_dataset_that_takes_seconds_is_made_checked_and_reported(shelf, caplog):
     caplog.set_level(logging.INFO, "granbench")
     entry = registered(shelf)
     file = dataset_file("gp-j2")
@@ -105,7 +105,7 @@ def test_a_command_that_fails_says_why_in_one_sentence(shelf):
         (None, r"GRANBENCH_MIRROR"),
     ],
 )
-def test_what_takes_longer_is_not_made_unasked_and_the_text_says_what_can_be_done(
+def test_a_dataset_that_takes_longer_is_not_made_and_the_error_lists_remedies(
     shelf, monkeypatch, seconds, remedy
 ):
     registered(shelf, generator_seconds=seconds)
@@ -138,7 +138,7 @@ def test_a_command_of_another_program_is_never_run(shelf):
         dataset_file("gp-j2", minutes=True)
 
 
-def test_a_mirror_goes_before_making(shelf):
+def test_a_mirror_is_tried_before_making(shelf):
     entry = registered(shelf)
     shelf.mirror.mkdir()
     shutil.copy(FILE, shelf.mirror / entry.file)

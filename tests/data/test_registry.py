@@ -149,7 +149,7 @@ def test_mini_has_every_family_and_split_and_two_replicates(records, records_fil
         {"note": "added"},
     ],
 )
-def test_a_file_that_says_other_things_of_itself_is_found(shelf, records, tmp_path, change):
+def test_a_file_with_changed_attributes_is_detected(shelf, records, tmp_path, change):
     """Its values, configuration and their hashes are those of the registered file."""
     shelf.publish(records)
     forged = write_records(records.assign_attrs(version="1.0.0", **change), tmp_path / "forged.nc")

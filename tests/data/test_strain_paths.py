@@ -112,7 +112,7 @@ def test_card_of_unscaled_paths_does_not_speak_of_scaling() -> None:
     assert "volumetric factor" not in text
 
 
-def test_card_says_which_model_it_is_and_how_finely_it_is_kept() -> None:
+def test_card_states_the_model_and_the_rounding() -> None:
     text = card_text(seal(plane_records("gp-j2")), {})
     truth = text.split("## Ground truth")[1].split("##")[0]
     assert "the model `j2`" in truth

@@ -130,7 +130,7 @@ def test_dense_specimens_peak_and_dilate_and_the_loosest_stay_near_critical(anch
 
 def test_initial_void_ratio_rises_with_the_preparation_friction(shipped):
     # At one pressure, within twice the scatter between packings: frictions of 0, 0.005 and 0.01
-    # make packings alike.
+    # make packings similar.
     slack = 2.0 * replicate_scatter(shipped).void_ratio_rms
     first = select(shipped, replicate=0)
     for grading in np.unique(first["grading"].values):

@@ -7,7 +7,7 @@ from granbench.paths.standard_tests import STANDARD_TESTS
 PAGE = "docs/element_tests.md"
 
 
-def test_the_example_runs_and_says_the_strength():
+def test_the_example_runs_and_prints_the_strength():
     (example,) = blocks(PAGE, "python")
     assert printed(example).startswith("strength 100.0 kPa, held within ")
 

@@ -88,7 +88,7 @@ def test_python_on_the_page_runs() -> None:
     assert printed(example).endswith(" kN/m")
 
 
-def test_a_model_of_ones_own_takes_ten_lines_and_carries_the_footing(
+def test_a_user_model_of_ten_lines_carries_the_footing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -96,7 +96,7 @@ def test_a_model_of_ones_own_takes_ten_lines_and_carries_the_footing(
     model = source.split("class ")[1].split("\n\n\n")[0]
     assert len([line for line in model.splitlines() if line.strip()]) <= 10
     runpy.run_path(str(ROOT / EXAMPLE), run_name="__main__")
-    assert capsys.readouterr().out.startswith("half of the footing bears ")
+    assert capsys.readouterr().out.startswith("half of the footing carries ")
     assert Path("footing.nc").is_file() and Path("footing.png").is_file()
     monkeypatch.syspath_prepend(str((ROOT / EXAMPLE).parent))
     words = "fem strip-footing --cell footing_on_a_model:cell --mesh coarse --outputs 2 --quiet"

@@ -66,7 +66,7 @@ def test_the_index_of_models_is_what_the_code_makes() -> None:
     assert model_pages.models_index() == written
 
 
-def test_curves_meet_their_closed_forms(name: str) -> None:
+def test_curves_agree_with_their_closed_forms(name: str) -> None:
     for one in evidence(name).comparisons:
         assert one.difference <= one.tolerance, one
 
@@ -168,7 +168,7 @@ def stress_difference(file: Path) -> np.ndarray:
         ("modified-cam-clay", "0.135\n0.040"),
     ],
 )
-def test_the_example_of_a_page_prints_what_it_says(name: str, expected: str) -> None:
+def test_the_example_of_a_page_prints_the_stated_output(name: str, expected: str) -> None:
     (example,) = blocks(page(name), "python")
     assert printed(example) == expected
 

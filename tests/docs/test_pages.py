@@ -75,7 +75,7 @@ def test_python_on_the_first_page_runs(tmp_path: Path) -> None:
     assert "class Secant(torch.nn.Module)" in model
 
 
-def test_a_model_of_ones_own_takes_fewer_than_ten_lines_and_is_scored(tmp_path: Path) -> None:
+def test_a_user_model_takes_fewer_than_ten_lines_and_is_scored(tmp_path: Path) -> None:
     model, _ = blocks("README.md", "python")
     assert len([line for line in model.splitlines() if line.strip()]) < 10
     (tmp_path / "my_model.py").write_text(model)

@@ -387,7 +387,7 @@ def test_tests_run_together_as_they_run_alone():
         MixedControl.together([controls[0], MixedControl.of_strain("plane", np.zeros((1, 13, 3)))])
 
 
-def test_a_test_goes_on_from_a_stored_state():
+def test_a_test_continues_from_a_stored_state():
     history = strain_history([0.05, 0.02, 0.08], 22)
     programme = find_test("triaxial-drained").programme(P0, 0.1)
     whole = MixedControl.of_programme(programme, history, "principal")

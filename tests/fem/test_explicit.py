@@ -142,7 +142,7 @@ def test_material_that_stiffens_beyond_the_time_step_ends_the_run() -> None:
     assert found.dataset.sizes["step"] > 1
 
 
-def test_model_without_stiffness_asks_for_a_modulus() -> None:
+def test_model_without_stiffness_needs_a_modulus() -> None:
     class Slack(torch.nn.Module):
         def forward(self, dstrain: Tensor, stress: Tensor) -> Tensor:
             return stress + 0.0 * dstrain

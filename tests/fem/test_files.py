@@ -160,7 +160,7 @@ def test_cyclic_loadings_turn_at_output_steps(cycles: str, outputs: int) -> None
         assert np.abs(times - turn).min() < 1e-9 * drive.end
 
 
-def test_stated_outputs_stay_where_they_are() -> None:
+def test_stated_outputs_are_not_changed() -> None:
     """Datasets state their outputs; where all turning points are among them nothing changes."""
     for cycles, outputs in (("cyclic-8-4", 90), ("cyclic-8-4", 180), ("cyclic", 180)):
         drive = find_problem("biaxial", cycles=cycles).drive_history()

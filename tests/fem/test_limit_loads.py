@@ -53,12 +53,12 @@ PRANDTL = 2.0 + np.pi
         pytest.param("smooth", "fine", 0.02, marks=pytest.mark.slow),
     ],
 )
-def test_footing_bears_prandtls_load_from_above(base: str, mesh: str, error: float) -> None:
-    """(2 + pi) c on weightless soil, whatever the base; the error is the mesh's."""
+def test_footing_load_converges_to_prandtls(base: str, mesh: str, error: float) -> None:
+    """(2 + pi) c on weightless soil, for any base; the error is due to the mesh."""
     assert PRANDTL <= footing(base, mesh) <= (1.0 + error) * PRANDTL
 
 
-def test_footing_bears_the_surcharge_as_well() -> None:
+def test_footing_load_increases_by_the_surcharge() -> None:
     problem = find_problem("strip-footing", confinement=PRESSURE, end_strain=0.012)
     found = run(problem, J2, solver=ImplicitSettings(steps=20), mesh="coarse").check()["reaction"]
     assert float(found[0]) == pytest.approx(PRESSURE * HALF)
@@ -73,7 +73,7 @@ def test_footing_bears_the_surcharge_as_well() -> None:
 @pytest.mark.parametrize(
     ("mesh", "error"), [("coarse", 0.015), ("table-5.2", 0.01), ("medium", 0.006)]
 )
-def test_smooth_wall_meets_rankines_cohesive_load(mesh: str, error: float) -> None:
+def test_smooth_wall_has_rankines_cohesive_load(mesh: str, error: float) -> None:
     """P = 2 k H + q0 H."""
     problem = find_problem("retaining-wall", confinement=PRESSURE, end_strain=0.01)
     exact = (2.0 * SHEAR_STRENGTH + PRESSURE) * HEIGHT
@@ -81,7 +81,7 @@ def test_smooth_wall_meets_rankines_cohesive_load(mesh: str, error: float) -> No
 
 
 def test_weight_of_the_soil_adds_to_rankines_load() -> None:
-    """P = gamma H^2/2 + 2 k H; before the wall moves, it bears the weight's horizontal stress."""
+    """P = gamma H^2/2 + 2 k H; at first the wall carries the horizontal stress of the weight."""
     problem = find_problem("retaining-wall", weight=True, end_strain=0.01)
     of_weight = 0.5 * DENSITY * GRAVITY * HEIGHT**2
     found = run(problem, J2, solver=ImplicitSettings(steps=40), mesh="medium").check()["reaction"]
@@ -96,7 +96,7 @@ def passive_coefficient(cell: ClassicalCell) -> float:
     return (1.0 + sine) / (1.0 - sine)
 
 
-def test_frictional_wall_meets_rankines_coefficient() -> None:
+def test_frictional_wall_has_rankines_coefficient() -> None:
     """P = K_p q0 H, though the flow is not associated: the stress is Rankine's all over."""
     problem = find_problem("retaining-wall", end_strain=0.02)
     exact = passive_coefficient(DRUCKER_PRAGER) * PRESSURE * HEIGHT
@@ -115,13 +115,13 @@ def test_smooth_biaxial_specimen_has_its_plane_strength(cell: ClassicalCell, rat
 
 
 @pytest.mark.parametrize(("mesh", "error"), [("coarse", 0.02), ("medium", 0.008)])
-def test_perforated_plate_bears_the_net_section_from_above(mesh: str, error: float) -> None:
+def test_perforated_plate_converges_to_the_net_section_load(mesh: str, error: float) -> None:
     exact = 2.0 * SHEAR_STRENGTH * (SIDE - RADIUS)
     found = limit_load(find_problem("perforated-plate", end_strain=0.01), J2, mesh)
     assert exact <= found <= (1.0 + error) * exact
 
 
-def test_dog_bone_bears_what_its_gauge_does() -> None:
+def test_dog_bone_has_the_limit_load_of_its_gauge() -> None:
     found = limit_load(find_problem("dog-bone", end_strain=0.01), J2, "medium")
     assert found == pytest.approx(2.0 * SHEAR_STRENGTH * GAUGE_WIDTH, rel=1e-3)
 

@@ -43,7 +43,7 @@ def test_history_through_turning_points_keeps_its_speed() -> None:
         LoadingHistory.through([0.1], 0.0)
 
 
-def test_load_steps_meet_every_turning_point() -> None:
+def test_every_turning_point_is_a_load_step() -> None:
     drive = Biaxial(cycles="cyclic").drive_history()
     times = load_times(drive, 50)
     assert set(drive.times) <= set(times)
@@ -62,7 +62,7 @@ def test_platens_spread_their_motion_linearly_over_the_specimen(ends: str, eleme
     np.testing.assert_allclose(y, -mesh.nodes[:, 1], atol=1e-13)
 
 
-def test_motion_that_no_affine_one_meets_is_spread_smoothly() -> None:
+def test_motion_that_is_not_affine_is_interpolated_smoothly() -> None:
     """A strip of the top is pressed in: zero where held, and never beyond what is prescribed."""
     mesh = rectangle(1.0, 1.0, 8, 8)
     operators = build_operators(mesh)

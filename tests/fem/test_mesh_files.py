@@ -134,7 +134,7 @@ def test_nodes_at_one_place_are_merged_with_a_note(tmp_path: Path, coarse: np.nd
     np.testing.assert_allclose(reaction(mesh), coarse, rtol=1e-9)
 
 
-def test_triangles_beside_quadrilaterals_give_triangles_with_a_note(tmp_path: Path) -> None:
+def test_triangles_with_quadrilaterals_give_triangles_with_a_note(tmp_path: Path) -> None:
     found = specimen(4)
     text = abaqus(replace(found, elements=found.elements[2:]), "CPE4R")
     a, b, c, d = found.elements[:2].T + 1
@@ -154,7 +154,7 @@ def test_triangles_beside_quadrilaterals_give_triangles_with_a_note(tmp_path: Pa
 
 
 @pytest.mark.parametrize("count", [6, 8, 9])
-def test_curved_edges_are_followed_and_linear_displacements_stay_exact(
+def test_curved_edges_are_kept_and_linear_displacements_are_exact(
     tmp_path: Path, count: int
 ) -> None:
     """A ring's quarter: its area is exact to the fourth order, and strain B u of u = G x is G."""

@@ -131,7 +131,7 @@ def test_explicit_and_implicit_agree_in_the_quasi_static_limit(problem: str, end
 
 
 @pytest.mark.parametrize("model", list(MODELS))
-def test_every_classical_model_goes_through_every_problem(name: str, model: str) -> None:
+def test_every_classical_model_runs_in_every_problem(name: str, model: str) -> None:
     problem = find_problem(name, end_strain=1e-3)
     steps = ImplicitSettings(steps=2)
     found = run(problem, MODELS[model](), solver=steps, mesh="coarse").check()
@@ -189,7 +189,7 @@ def test_random_confinement_reaches_the_boundary() -> None:
     )
 
 
-def test_rough_base_and_wall_bear_no_less() -> None:
+def test_rough_base_and_wall_carry_no_less() -> None:
     for problem, choice in (("strip-footing", "base"), ("retaining-wall", "wall")):
         rough, smooth = (
             run(find_problem(problem, end_strain=0.01, **{choice: kind}), MODELS["ime"](),

@@ -86,7 +86,7 @@ def working_folder(path: Path) -> tuple[Path, bool]:
     return Path.cwd(), path.exists()
 
 
-def test_relative_path_begins_where_the_caller_stands(
+def test_relative_path_starts_from_the_callers_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also after the process has gone elsewhere since the server was started."""
@@ -131,7 +131,7 @@ def test_killed_server_is_started_again(tmp_path: Path) -> None:
     assert read_bounded("b", DatasetError, print_noise, tmp_path) == "quiet"
 
 
-def test_server_ends_with_the_process_that_asks(tmp_path: Path) -> None:
+def test_server_ends_with_the_calling_process(tmp_path: Path) -> None:
     reading, writing = os.pipe()
     child = os.fork()
     if not child:

@@ -1,4 +1,4 @@
-"""A folder is written by one command at a time, and a killed one keeps nobody out."""
+"""A folder is written by one command at a time, and a killed one leaves no lock."""
 
 import signal
 import subprocess

@@ -50,7 +50,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("case", HOSTILE)
-def test_a_hostile_document_is_one_sentence(case: str, tmp_path: Path):
+def test_a_malicious_document_is_an_error_of_one_sentence(case: str, tmp_path: Path):
     document, said = HOSTILE[case]
     file = tmp_path / "a.json"
     file.write_bytes(document if isinstance(document, bytes) else document.encode())

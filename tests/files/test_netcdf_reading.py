@@ -149,7 +149,7 @@ PREDICTIONS: dict[str, tuple[Change, str]] = {
 
 
 @pytest.mark.parametrize("case", PREDICTIONS)
-def test_hostile_predictions_are_one_sentence(case: str, records, tmp_path: Path):
+def test_malicious_predictions_are_an_error_of_one_sentence(case: str, records, tmp_path: Path):
     file = tmp_path / "p.nc"
     predictions = small_predictions(records)
     write_predictions(predictions, file)

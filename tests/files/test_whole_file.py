@@ -35,7 +35,7 @@ def test_a_library_that_cannot_write_is_quoted_with_the_file(tmp_path):
         raise RuntimeError("HDF error")
 
 
-def test_where_nobody_can_write_another_folder_is_the_remedy():
+def test_an_unwritable_folder_is_an_error_that_asks_for_another():
     with (
         pytest.raises(
             DatasetError, match=r"^/proc/file\.txt: cannot be written \([\w ]+\); "
@@ -46,7 +46,7 @@ def test_where_nobody_can_write_another_folder_is_the_remedy():
     assert str(said.value).endswith("; choose a folder that can be written")
 
 
-def test_a_folder_of_the_same_name_is_told_from_an_unwritable_one(tmp_path):
+def test_a_folder_of_the_same_name_is_distinguished_from_an_unwritable_one(tmp_path):
     (tmp_path / "file.txt").mkdir()
     with (
         pytest.raises(DatasetError, match="a folder has this name, choose another$"),
@@ -63,7 +63,7 @@ def test_a_folder_of_the_same_name_is_told_from_an_unwritable_one(tmp_path):
         (RuntimeError("HDF error"), 1 << 62),  # more bytes than any disk has
     ],
 )
-def test_a_full_disk_asks_for_space(tmp_path, problem, size):
+def test_a_full_disk_is_an_error_that_asks_for_space(tmp_path, problem, size):
     said = cannot_write(tmp_path / "file.txt", problem, size)
     assert said.endswith("; free some space or choose another folder")
 
@@ -97,7 +97,7 @@ def test_a_failure_leaves_the_old_folder_or_none(tmp_path):
         (tmp_path / "old.txt").write_text("old")
 
 
-def test_a_folder_that_nobody_can_write_is_said_before_the_work_begins():
+def test_an_unwritable_folder_is_reported_before_the_work_begins():
     with (
         pytest.raises(DatasetError, match=r"^/proc/folder: cannot be written .* choose a folder"),
         whole_folder(Path("/proc/folder"), DatasetError),

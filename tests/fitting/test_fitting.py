@@ -91,7 +91,7 @@ NEAR = FitSettings(starts=1, effort=Effort(adam_iterations=0, iterations=8))
 """From the truth: only the noise has to be followed."""
 
 
-def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+def test_intervals_cover_the_truth_at_the_stated_rate() -> None:
     clean = drained(j2(**TRUE_J2), loading_and_unloading(25))
     inside = 0
     for seed in range(10):

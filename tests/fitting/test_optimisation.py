@@ -48,7 +48,7 @@ def test_a_parameter_that_hardly_acts_does_not_hold_up_the_others(weak: float) -
     assert found.vectors[:, 1] == pytest.approx(expected, abs=1e-5)
 
 
-def test_a_search_that_is_still_on_its_way_has_not_converged() -> None:
+def test_an_unfinished_search_has_not_converged() -> None:
     """Every step gains less than the tolerance, but only because it is cut short."""
     problem = Linear(torch.tensor([[1e-3], [0.0]]).double(), torch.tensor([1.0, 30.0]).double())
     away = torch.zeros(1, 1).double()
@@ -57,7 +57,7 @@ def test_a_search_that_is_still_on_its_way_has_not_converged() -> None:
     assert found.vectors.item() == pytest.approx(5 * LONGEST_STEP)
 
 
-def test_a_bound_is_left_again_where_the_minimum_lies_inside() -> None:
+def test_a_search_leaves_a_bound_if_the_minimum_is_inside() -> None:
     problem = Linear(torch.eye(2).double(), torch.tensor([2.0, -3.0]).double())
     corner = torch.tensor([[FARTHEST, FARTHEST], [-FARTHEST, FARTHEST]]).double()
     found = levenberg_marquardt(problem, corner, Effort(iterations=60))

@@ -44,7 +44,7 @@ def table(stresses: list[str], separator: str = ";", quote: str = "") -> str:
         (["400", "500", "600", "700", "800", "-1.058"], ";", ""),
     ],
 )
-def test_points_beside_larger_integers_are_asked_about(
+def test_points_in_a_column_with_larger_integers_are_ambiguous(
     stresses: list[str], separator: str, quote: str, read
 ) -> None:
     with pytest.raises(DatasetError, match=r"line \d+: .*'q \[kPa\]'.*point.*thousands"):
@@ -68,9 +68,7 @@ def test_points_that_are_decimal_are_read(stresses: list[str], read) -> None:
 
 @pytest.mark.parametrize("header", ["sig_xx", "sig_xx [Pa]", "SIG_XX [N/m2]"])
 @pytest.mark.parametrize("last", ["150.000", "150000"])
-def test_points_in_columns_of_pascals_are_asked_about(
-    header: str, last: str, tmp_path: Path
-) -> None:
+def test_points_in_columns_of_pascals_are_ambiguous(header: str, last: str, tmp_path: Path) -> None:
     path = tmp_path / "path.csv"
     path.write_text(f"{header},eps_yy,eps_xy\n100.000,0,0\n{last},0.01,0\n")
     with pytest.raises(ConfigurationError, match="line 2.*thousands"):
@@ -85,7 +83,7 @@ def test_points_in_columns_of_pascals_are_asked_about(
         ["3,.3,400,1,000", "4,.3,400,1,010"],
     ],
 )
-def test_a_thousands_comma_that_fills_a_short_row_is_asked_about(rows: list[str], read) -> None:
+def test_a_thousands_comma_that_fills_a_short_row_is_ambiguous(rows: list[str], read) -> None:
     lines = ["eps1 [%],epsv [%],s3' [kPa],q [kPa],note", "0,0,400,0,", "1,.1,400,500,"]
     rest = ["2,.2,400,950,", *rows, "5,.3,400,990,"]
     with pytest.raises(DatasetError, match="line 5.*one number, 1"):
@@ -122,9 +120,7 @@ HEAD = ",".join(HEADERS) + "\n"
         ("\n", "4.2,0.4,100,66\n"),
     ],
 )
-def test_a_second_test_and_a_row_of_averages_are_asked_about(
-    between: str, second: str, read
-) -> None:
+def test_a_second_test_and_a_row_of_averages_are_refused(between: str, second: str, read) -> None:
     with pytest.raises(DatasetError, match=r"line 1[123]: .*second test"):
         read(HEAD + rows(100, 100) + between + second)
 
@@ -137,7 +133,7 @@ def test_cycles_and_unloading_are_read(read) -> None:
         assert read(HEAD + "\n".join(lines)).steps == len(points)
 
 
-def test_extension_that_begins_again_is_asked_about(read) -> None:
+def test_extension_that_begins_again_is_refused(read) -> None:
     one = "".join(f"{-row},{-0.1 * row:g},100,{-50 * row / (1 + row):.5g}\n" for row in range(9))
     with pytest.raises(DatasetError, match="line 11: .*second test"):
         read(HEAD + one + one)

@@ -71,7 +71,7 @@ def header(kind: str, shape: str) -> bytes:
         (b"", "header|cannot be read"),
     ],
 )
-def test_headers_that_lie_are_refused_before_anything_is_allocated(
+def test_false_array_headers_are_refused_before_anything_is_allocated(
     content, named, tmp_path
 ) -> None:
     with zipfile.ZipFile(tmp_path / "x.npz", "w") as archive:

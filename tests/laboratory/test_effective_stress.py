@@ -267,7 +267,7 @@ def test_extension_is_read_with_its_signs(tmp_path: Path) -> None:
     ],
     ids=["strain negative", "q negative", "ratio as per cent", "MPa as kPa", "Pa as kPa"],
 )
-def test_wrong_signs_and_units_are_asked_about(
+def test_wrong_signs_and_units_are_refused(
     change: dict[str, np.ndarray], named: list[str], tmp_path: Path
 ) -> None:
     right = {"eps1 [%]": AXIAL, "epsv [%]": VOLUME, "q [kPa]": Q, "p [kPa]": 200.0 + Q / 3}
@@ -277,7 +277,7 @@ def test_wrong_signs_and_units_are_asked_about(
     assert all(part in str(error.value) for part in named), str(error.value)
 
 
-def test_the_kind_of_test_says_the_strain_that_was_not_measured(tmp_path: Path) -> None:
+def test_the_kind_of_test_determines_the_strain_that_was_not_measured(tmp_path: Path) -> None:
     stresses = {"sigma1' [kPa]": 100.0 + Q, "sigma3' [kPa]": 100.0 + 0.5 * Q}
     test = read(tmp_path, {"eps1 [%]": AXIAL} | stresses, kind="oedometer")
     np.testing.assert_array_equal(test.strain[:, 1:], 0.0)

@@ -252,7 +252,7 @@ def test_records_of_tests_follow_the_schema(tmp_path: Path) -> None:
         assert read["stress"].values[0].max() <= test.stress.max() * (1.0 + 1e-6)
 
 
-def test_published_files_hold_what_their_authors_say(shared_data: Path) -> None:
+def test_published_files_agree_with_their_publications(shared_data: Path) -> None:
     lateral = {"TMD2": 100e3, "TMD6": 50e3, "TMD11": 50e3, "TMD17": 100e3, "TMD23": 200e3}
     for name, pressure in lateral.items():
         (test,) = read_tests(shared_data / "karlsruhe_fine_sand" / f"{name}.dat")

@@ -93,7 +93,7 @@ def test_bookkeeping_is_still_passed_over(header: str, tmp_path: Path) -> None:
     "axial", [400.0 + Q, 200.0 + Q, 400.0 - GROWN * 30.0], ids=["total", "effective", "extension"]
 )
 @pytest.mark.parametrize("name", ["Axial stress [kPa]", "sigma_v [kPa]", "p [kPa]"])
-def test_a_stress_of_unknown_state_with_a_changing_pore_pressure_is_asked_for(
+def test_a_stress_that_may_be_total_or_effective_is_ambiguous(
     axial: np.ndarray, name: str, tmp_path: Path
 ) -> None:
     columns = {

@@ -82,7 +82,7 @@ def test_every_metric_has_the_tolerance_that_it_declares() -> None:
                 assert tolerance_of(name, metric.name) is metric.tolerance
 
 
-def test_what_no_axis_knows_is_compared_as_a_value() -> None:
+def test_a_score_of_no_axis_is_compared_as_a_value() -> None:
     assert tolerance_of("an axis of another package", "its metric") == Tolerance("value")
 
 

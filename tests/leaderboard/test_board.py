@@ -32,7 +32,7 @@ def board(_board, tmp_path) -> Path:
     return Path(shutil.copytree(_board, tmp_path / "board"))
 
 
-def test_an_accepted_submission_stays_valid_where_it_lies(board, sealed):
+def test_an_accepted_submission_is_valid_in_its_folder(board, sealed):
     rows = accepted(board)
     assert [row.submission.name for row in rows] == ["oracle", "persistence", "secant"]
     for row in rows:
@@ -97,7 +97,7 @@ def test_the_site_links_only_to_itself_and_to_the_models_code(board, tmp_path):
     assert not list(tmp_path.glob(".site*"))
 
 
-def test_the_json_board_says_what_the_submissions_say(board, sealed, tmp_path):
+def test_the_json_board_agrees_with_the_submissions(board, sealed, tmp_path):
     scatter = replicate_scatter(sealed)
     build(accepted(board), tmp_path / "site", {("synthetic", "1.0.0"): scatter})
     content = json.loads((tmp_path / "site" / "leaderboard.json").read_text())
@@ -163,7 +163,7 @@ def test_an_empty_board_has_a_page(tmp_path):
     assert "no submission yet" in build([], tmp_path / "site").read_text()
 
 
-def test_what_a_stranger_writes_cannot_run_in_a_readers_browser(submit, tmp_path):
+def test_text_of_a_submission_cannot_run_as_code_in_a_browser(submit, tmp_path):
     attack = '<script>alert("1")</script>"><img src=x onerror=alert(1)>'
     file = submit(Persistence(), title=attack, authors=(attack,), training_data=attack,
                   licence=attack, command=attack)  # fmt: skip
@@ -248,7 +248,7 @@ def test_a_model_that_breaks_a_law_shows_on_how_many_paths(submit, tmp_path):
     assert "<small>100 % of paths</small>" in page
 
 
-def test_an_axis_that_nobody_ran_has_no_table(submit, tmp_path):
+def test_an_axis_without_scores_has_no_table(submit, tmp_path):
     file = submit(Persistence(), axes=["rollout"])
     build([Row(read_submission(file), file)], tmp_path / "site")
     page = (tmp_path / "site" / "synthetic-1.0.0.html").read_text()

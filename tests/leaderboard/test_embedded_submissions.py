@@ -60,7 +60,7 @@ def rewritten(file: Path, change: Callable[[xr.Dataset], xr.Dataset]) -> Path:
     return file
 
 
-def test_scores_come_out_again_from_the_predictions(submission, records) -> None:
+def test_scores_are_reproduced_from_the_predictions(submission, records) -> None:
     checked = validate(submission, records, task=task_of(records))
     assert checked.badge == "rescored"
     keys = {curve.key for curve in checked.curves}
@@ -216,7 +216,7 @@ def test_errors_of_a_lost_analysis_need_not_agree_closely(
         (0.5, "analysis_speed_ratio", {"value": 1e3, "by_seed": (1e3,)}),
     ],
 )
-def test_a_lost_analysis_excuses_no_nonsense(
+def test_scores_of_a_lost_analysis_must_still_be_plausible(
     records, tmp_path, stiffness: float, metric: str, claim: dict
 ) -> None:
     found, card, out = evaluated_twice(stiffness, records, tmp_path)

@@ -51,7 +51,7 @@ def errors(value: np.ndarray) -> RankedErrors:
     return RankedErrors(value, names, names, np.full(count, "test"))
 
 
-def test_pairs_of_paths_tell_models_apart_whose_intervals_overlap():
+def test_paired_paths_distinguish_models_with_overlapping_intervals():
     """Paths differ by orders of magnitude, the models on each of them by a tenth."""
     hard = np.logspace(-3, 0, 40)
     paths = {"better": errors(hard), "worse": errors(1.1 * hard)}
@@ -163,7 +163,7 @@ def test_odd_claims_are_shown(submission_file, tmp_path, case):
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_claims_that_nobody_can_have_measured_are_refused(submission_file, tmp_path, case):
+def test_impossible_claims_are_refused(submission_file, tmp_path, case):
     with pytest.raises(SubmissionError, match="evaluate"):
         build([changed_row(submission_file(), REFUSED[case])], tmp_path / "site")
     assert not (tmp_path / "site").exists()

@@ -60,7 +60,7 @@ def test_a_network_is_loaded_with_the_weights_that_it_has(records, tmp_path):
 
 
 def reference(folder: Path, seeds: int, size: int | None = None) -> ModelReference:
-    """Files of a GRU for some seeds, beside `s.json`."""
+    """Files of a gated recurrent unit for some seeds, in the folder of `s.json`."""
     files = []
     for seed in range(seeds):
         place = folder / "s.model" / str(seed) / "model.safetensors"

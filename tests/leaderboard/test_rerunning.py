@@ -124,7 +124,7 @@ def test_a_kept_model_gives_its_scores_again(submission, plane) -> None:
         assert not file.with_suffix(".nc").exists()
 
 
-def test_a_submission_says_which_data_its_model_is(submission) -> None:
+def test_a_submission_lists_the_files_of_its_model(submission) -> None:
     floor, soft = (read_submission(submission(name)).model for name in ("persistence", "soft-j2"))
     assert (floor.baseline, floor.files) == ("persistence", ())
     (parameters,) = soft.files
@@ -137,7 +137,7 @@ def test_a_submission_says_which_data_its_model_is(submission) -> None:
 
 
 def test_trained_networks_are_run_from_their_weights(sealed, tmp_path) -> None:
-    """On records of particle tests; the weights are random, which nobody could guess."""
+    """On records of particle tests; the weights are random and cannot be guessed."""
     folders = []
     architecture = RecurrentConfiguration(initial_layer=True)
     for seed in SEEDS:

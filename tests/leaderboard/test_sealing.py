@@ -151,7 +151,7 @@ def test_only_rows_that_a_change_touches_are_validated_again(board, submit, seal
     assert [row.submission.name for row in touched(board)] == ["persistence"]
 
 
-def test_an_interrupted_validation_of_all_rows_goes_on(board, sealed, tmp_path, monkeypatch):
+def test_an_interrupted_validation_of_all_rows_continues(board, sealed, tmp_path, monkeypatch):
     register_task(sealed, monkeypatch)
     state = tmp_path / "state.json"
     first = next(revalidate(accepted(board), board, state))

@@ -81,7 +81,7 @@ def test_a_wrong_model_is_named():
         ("full", ("xx", "yy", "zz", "yz", "xz", "xy")),
     ],
 )
-def test_tensors_beside_the_stress_have_the_components_of_its_rows(order, names):
+def test_internal_tensors_have_the_components_of_the_stress(order, names):
     cell = IME(order=order)
     expected = tuple(f"plastic_strain_{name}" for name in names)
     out_of_plane = ("out_of_plane_stress",) if order == "plane" else ()

@@ -85,7 +85,7 @@ def test_the_overconsolidation_ratio_of_toyoura_is_that_of_its_void_ratio():
 
 
 @pytest.mark.parametrize("name", SETS)
-def test_a_start_says_its_density_by_void_ratio_or_by_overconsolidation_ratio(name):
+def test_the_initial_density_is_given_by_void_ratio_or_overconsolidation_ratio(name):
     cell = csuh(name)
     stress = torch.tensor([[1e5, 1e5, 1e5], [2e5, 1.8e5, 1.7e5]], dtype=torch.float64)
     ratio = torch.tensor([3.0, 20.0], dtype=torch.float64)
@@ -463,7 +463,7 @@ AT_LEAST = FLOOR * (1.0 - 1e-5)
 @pytest.mark.parametrize("name", SETS)
 @given(seed=seeds)
 @settings(max_examples=3, deadline=None)
-def test_no_path_leads_below_the_floor_or_to_a_number_that_is_none(name, seed):
+def test_no_path_leads_below_the_smallest_pressure_or_to_nan(name, seed):
     """Random increments of up to 1 %, which pull most points apart and press some together."""
     cell = csuh(name)
     generator = torch.Generator().manual_seed(seed)
@@ -494,7 +494,7 @@ def test_extension_ends_at_the_floor_and_compression_leads_away_from_it(name, di
     assert float(internal(cell, again[-1], "void_ratio")) == pytest.approx(float(e_0), abs=1e-14)
 
 
-def test_a_jump_that_cannot_be_followed_spoils_its_point_only():
+def test_a_jump_that_cannot_be_followed_affects_only_its_point():
     """A dilating jump of 9 %, most of it in sand at 45 Pa whose stiffness is that of p_s = 2.2 MPa.
 
     That allows pieces of 2e-6 of strain: 2000 attempts come a fifth of the way.

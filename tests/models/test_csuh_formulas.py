@@ -27,7 +27,7 @@ def number(value: float) -> Tensor:
 
 
 def steepest(critical: float, chi: float) -> float:
-    """The cone that yield surfaces lie in: eta^2 < M^2/chi, or five times M where chi is none."""
+    """Slope of the cone of all yield surfaces, M/sqrt(chi), or 5 M if chi is not positive."""
     return critical / math.sqrt(chi) if chi > 0.0 else 5.0 * critical
 
 

@@ -47,7 +47,7 @@ def cyclic(points: list[float], direction: tuple[float, ...], steps: int) -> Ten
 
 
 def turning(cell: CSUH, points: int, steps: int, size: float) -> Tensor:
-    """Random increments of plane strain, as of `gp-csuh`: some 40 % of the volume change stays."""
+    """Random increments of plane strain, as in `gp-csuh`: some 40 % of the volume change stays."""
     increments = random_increments(cell, points, steps, size, seed=7)
     volume = increments[..., :2].sum(dim=-1, keepdim=True)
     return increments - 0.3 * volume * torch.tensor([1.0, 1.0, 0.0], dtype=torch.float64)

@@ -98,7 +98,7 @@ def test_smooth_biaxial_yields_first_at_the_elastic_limit():
     assert float(cell.rows.deviatoric_stress(s)) == pytest.approx(YIELD, rel=1e-12)
 
 
-def test_the_mean_stress_stays_elastic():
+def test_the_mean_stress_is_elastic():
     cell = J2()
     increments = random_increments(cell, 5, 40, 2e-2)
     states = run(cell, increments, isotropic(cell, 5))

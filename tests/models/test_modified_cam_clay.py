@@ -118,7 +118,7 @@ def test_a_start_lies_on_the_swelling_line_of_its_preconsolidation(ratio, pressu
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_undrained_from_normal_consolidation_follows_the_closed_form(sign):
-    """p/p_0 = (M^2/(M^2 + eta^2))^(1 - kappa/lambda), in compression and in extension alike."""
+    """p/p_0 = (M^2/(M^2 + eta^2))^(1 - kappa/lambda), both in compression and in extension."""
     cell = clay()
     states = straight(cell, isotropic(cell, 1), tuple(sign * 0.1 * c for c in COMPRESSION), 60)
     p, q, e = by_steps(cell, states)

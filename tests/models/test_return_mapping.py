@@ -52,7 +52,7 @@ def test_where_no_root_is_sought_x_is_zero():
     assert root.tolist() == [0.25, 0.0]
 
 
-def test_where_there_is_none_the_root_is_no_number():
+def test_a_point_without_root_does_not_affect_the_others():
     ones = torch.ones(2, dtype=torch.float64)
     target = torch.tensor([0.5, torch.nan], dtype=torch.float64)
     root = consistent_root(lambda x: (target - x, -ones), ones > 0.0, 0.0 * ones, ones, ones)

@@ -154,7 +154,7 @@ def test_only_points_that_missed_the_tolerance_go_on():
 
 
 @torch.no_grad()
-def test_points_do_not_know_of_each_other():
+def test_points_do_not_affect_each_other():
     """A batch is its points one by one, to the last bit: no point's pieces depend on another's."""
     generator = torch.Generator().manual_seed(0)
     speeds = 10.0 ** (4.0 * torch.rand(23, generator=generator, dtype=torch.float64) - 2.0)

@@ -38,7 +38,7 @@ def test_every_test_starts_from_the_isotropic_state_without_strain(name, pressur
 
 
 @pytest.mark.parametrize("name", sorted(STANDARD_TESTS))
-def test_the_driving_strain_is_the_component_that_it_says(name):
+def test_the_driving_strain_is_the_stated_component(name):
     programme = find_test(name).programme(1e5, 0.3)
     place = COMPONENT_ORDERS[programme.order].index(programme.driving_component)
     for strain in (-0.3, 0.0, 0.1):
@@ -108,7 +108,7 @@ def test_an_unknown_test_and_a_strain_in_per_cent_are_named():
     corners=st.lists(st.floats(-0.5, 0.5).map(lambda x: round(x, 4)), min_size=1, max_size=8),
     extra=st.integers(0, 60),
 )
-def test_a_history_meets_its_corners_and_goes_straight_between(corners, extra):
+def test_a_history_is_linear_between_its_turning_points(corners, extra):
     assume(all(a != b for a, b in zip([0.0, *corners], corners, strict=False)))
     history = strain_history(corners, len(corners) + extra)
     assert len(history) == len(corners) + extra + 1
@@ -126,7 +126,7 @@ def test_a_history_of_equal_legs_has_equal_steps():
 
 
 @pytest.mark.parametrize("corners", [[], [0.0], [0.1, 0.1], [math.nan], [math.inf]])
-def test_a_history_that_goes_nowhere_is_refused(corners):
+def test_a_constant_history_is_refused(corners):
     with pytest.raises(ConfigurationError, match="cannot be visited in turn"):
         strain_history(corners, 10)
 

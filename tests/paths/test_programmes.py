@@ -120,7 +120,7 @@ def test_drawn_loops_fill_the_path_length_and_turn_twice_each(programme):
 
 @given(programme=random_strain)
 @settings(deadline=None, max_examples=10)
-def test_random_strain_is_deviatoric_and_as_long_as_it_says(programme):
+def test_random_strain_is_deviatoric_and_has_the_stated_length(programme):
     lengths = np.linspace(0.0, programme.path_length, TABLE_POINTS // 2)
     strain = np.array([programme.driven_strain(s) for s in lengths])
     np.testing.assert_allclose(strain.sum(axis=1), 0.0, atol=1e-15)

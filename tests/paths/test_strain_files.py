@@ -56,7 +56,7 @@ def test_a_first_row_that_is_not_zero_is_measured_from_zero(table):
     np.testing.assert_array_equal(control.driven[0, :, 0], [0.0, 0.02])
 
 
-def test_a_stress_column_stands_in_for_the_strain(table):
+def test_a_stress_column_prescribes_the_stress(table):
     found = table("sig_xx,eps_yy,sig_xy\n1e5,0,0\n1e5,0.01,2e3\n")
     assert found.held == ("xx", "xy")
     control, added = found.control(ISOTROPIC)

@@ -91,7 +91,7 @@ def test_records_without_void_ratio_still_show_stress(many: xr.Dataset) -> None:
         (cyclic_figure, "constant-p", "cyclic tests"),
     ],
 )
-def test_a_figure_without_its_tests_says_which(
+def test_a_figure_without_its_tests_names_them(
     draw, family: str, missing: str, many: xr.Dataset
 ) -> None:
     with pytest.raises(DatasetError, match=missing):

@@ -33,7 +33,7 @@ def test_three_panels_show_strength_volume_and_stress_path():
     assert "22" in strength.get_xlabel()
 
 
-def test_the_component_that_goes_furthest_is_the_abscissa():
+def test_the_component_with_the_largest_strain_is_the_abscissa():
     records = answer()
     records["strain"][:, -1, 2] = 0.5
     assert "33" in element_test_figure(records, "j2").axes[0].get_xlabel()

@@ -1,4 +1,4 @@
-"""The house style: one model one look, readable in grey, files whole or absent."""
+"""The style of figures: each model has one style, readable in grey, files whole or absent."""
 
 import subprocess
 import sys
@@ -29,7 +29,7 @@ def test_a_model_looks_the_same_on_every_page() -> None:
 
 
 @given(st.lists(st.text(max_size=8), unique=True, max_size=len(MODEL_COLOURS)))
-def test_no_two_models_of_a_page_look_alike(names: list[str]) -> None:
+def test_no_two_models_of_a_page_have_the_same_style(names: list[str]) -> None:
     styles = model_styles(names)
     assert len({style.colour for style in styles.values()}) == len(names)
     assert len({str(style.linestyle) for style in styles.values()}) == len(names)

@@ -27,7 +27,7 @@ B_VALUES = st.floats(0.0, 1.0)
 
 
 @given(b=B_VALUES, ratio=RATIOS)
-def test_principal_stress_has_the_asked_invariants(b: float, ratio: float) -> None:
+def test_principal_stress_has_the_given_invariants(b: float, ratio: float) -> None:
     stress = principal_stress(np.array(b), np.array(ratio))
     assert mean_stress(stress) == pytest.approx(1.0)
     assert deviatoric_stress(stress) == pytest.approx(ratio)

@@ -14,7 +14,7 @@ FINITE = st.floats(-1e30, 1e30, allow_subnormal=False)
 
 
 @given(arrays(float, 40, elements=st.floats(-15.0, 15.0)))
-def test_multiples_of_a_grid_stay_and_so_do_their_differences(values) -> None:
+def test_multiples_of_a_grid_and_their_differences_are_unchanged(values) -> None:
     gridded = on_grid(values, SPACING)
     assert gridded.dtype == np.float32
     assert np.abs(gridded - values).max() <= SPACING / 2.0
@@ -47,7 +47,7 @@ def test_fewer_bits_follow_from_more_but_for_ties() -> None:
     assert (twice != at_once).mean() == pytest.approx(0.25, abs=0.02)
 
 
-def test_signs_and_what_is_no_number_stay() -> None:
+def test_signs_and_nan_are_unchanged() -> None:
     special = np.array([0.0, -0.0, np.nan, np.inf, -np.inf, 1e300, -1.5])
     kept = keep_mantissa(special, BITS)
     assert np.signbit(kept[1]) and not np.signbit(kept[0])

@@ -65,7 +65,7 @@ def test_records_keep_the_reversals_of_all_tests() -> None:
     assert len(reversals(strain, 1e-3)) == len(reversals(test.axial_strain, 1e-3))
 
 
-def test_places_lie_evenly_between_what_is_kept() -> None:
+def test_places_are_even_between_those_that_are_kept() -> None:
     lengths = np.linspace(0.0, 1.0, 101)
     places = spread_places(lengths, np.array([0, 30, 100]), 11)
     assert {0.0, 30.0, 100.0} <= set(places.tolist()) and len(places) == 11

@@ -136,7 +136,7 @@ def test_repeated_headings_footers_and_remarks_are_left_out(text, tmp_path) -> N
         ("LVDT", "#DIV/0!"),
     ],
 )
-def test_columns_that_nobody_asks_for_do_no_harm(header, cell, tmp_path) -> None:
+def test_unused_columns_have_no_effect(header, cell, tmp_path) -> None:
     lines = [f"{header},{HEADER}", *(f"{cell.format(k)},{row}" for k, row in enumerate(ROWS))]
     check(read(tmp_path, "\n".join(lines)))
 

@@ -106,14 +106,14 @@ def test_paths_and_load_paths_are_read_from_workbooks_too(tmp_path) -> None:
     assert history.values == (0.0, 0.005)
 
 
-def test_hidden_and_empty_sheets_do_not_count_but_two_tables_are_asked_about(tmp_path) -> None:
+def test_hidden_and_empty_sheets_do_not_count_but_two_tables_are_refused(tmp_path) -> None:
     sheets = {"Data": sheet(TEST), "Old": sheet(TEST), "Empty": sheet([])}
     assert read_tests(workbook(tmp_path / "a.xlsx", sheets, states={"Old": "hidden"}))
     with pytest.raises(DatasetError, match=r"2 sheets with cells \(Data, Old\)"):
         read_tests(workbook(tmp_path / "b.xlsx", sheets))
 
 
-def test_a_formula_that_nobody_has_evaluated_is_named(tmp_path) -> None:
+def test_a_formula_without_stored_result_is_named(tmp_path) -> None:
     rows = [*TEST[:3], ["<c><f>A2+1</f></c>", 100.0, 133.0], *TEST[4:]]
     with pytest.raises(DatasetError, match=r"sheet Data, row 4: column 'eps1 \[%\]' .*formula"):
         read_tests(workbook(tmp_path / "x.xlsx", {"Data": sheet(rows)}))
@@ -166,7 +166,7 @@ def test_utf_16_without_entities_is_read(tmp_path) -> None:
     assert read_tests(workbook(tmp_path / "x.xlsx", {"Data": content}))
 
 
-def test_archives_that_lie_about_themselves_are_refused(tmp_path) -> None:
+def test_archives_with_false_sizes_are_refused(tmp_path) -> None:
     path = workbook(tmp_path / "x.xlsx", {"Data": sheet(TEST)})
     whole = path.read_bytes()
     with pytest.warns(UserWarning), zipfile.ZipFile(path, "a") as archive:
@@ -183,7 +183,7 @@ def test_archives_that_lie_about_themselves_are_refused(tmp_path) -> None:
 
 
 @pytest.mark.parametrize("numbers", [(0.0, 400.0, 800.0, 950.5), ("0", "400", "800", "950")])
-def test_text_that_may_be_grouped_thousands_is_asked_about(numbers, tmp_path) -> None:
+def test_text_that_may_be_grouped_thousands_is_refused(numbers, tmp_path) -> None:
     stresses = [*numbers, "1.058", "1.127"]
     rows = [(float(row), 0.1 * row, 300.0, q) for row, q in enumerate(stresses)]
     headers = ("eps1 [%]", "epsv [%]", "sigma3' [kPa]", "q [kPa]")

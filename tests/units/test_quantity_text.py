@@ -28,7 +28,7 @@ def test_a_pressure_has_the_unit_that_is_written(text: str, pascals: float) -> N
 
 
 @pytest.mark.parametrize("text", ["100", "50", "0.1", "200.0", "4e3", "9999"])
-def test_a_bare_number_that_may_be_kilopascals_is_asked_about(text: str) -> None:
+def test_a_bare_number_that_may_be_kilopascals_is_refused(text: str) -> None:
     with pytest.raises(ConfigurationError, match=r"kPa, or .*write --p0 .*kPa or --p0 .*Pa"):
         pressure_from_text("--p0 ", text)
 
@@ -48,7 +48,7 @@ def test_a_strain_is_a_ratio_or_a_number_with_its_unit(text: str, strain: float)
 
 
 @pytest.mark.parametrize("text", ["30", "1", "-15", "1e300", "200%", "nan", "5kPa", "a"])
-def test_a_strain_in_per_cent_is_asked_about(text: str) -> None:
+def test_a_bare_number_that_may_be_per_cent_is_refused(text: str) -> None:
     with pytest.raises(ConfigurationError, match="^--strain "):
         strain_from_text("--strain ", text)
 
@@ -71,7 +71,7 @@ def test_a_strain_in_per_cent_is_asked_about(text: str) -> None:
         ("speed=nan", "speed"),
     ],
 )
-def test_choices_of_a_problem_are_asked_about(choice: str, named: str) -> None:
+def test_ambiguous_choices_of_a_problem_are_refused(choice: str, named: str) -> None:
     with pytest.raises(ConfigurationError, match=named):
         chosen_from_text("biaxial", [choice])
 

@@ -13,7 +13,7 @@ def counts(dataset: str, preset_name: str) -> dict[str, int]:
     return {plan.name: plan.count for plan in splits(DATASETS[dataset], PRESETS[preset_name])}
 
 
-def test_core_has_the_paths_that_the_specification_asks_for() -> None:
+def test_core_has_the_specified_paths() -> None:
     assert counts("gp-j2", "core") == {
         "train": 1000,
         "validation": 200,

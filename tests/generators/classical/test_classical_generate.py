@@ -41,7 +41,7 @@ def dataset(finished) -> xr.Dataset:
         return ds.load()
 
 
-def test_dataset_is_valid_sealed_and_says_how_it_was_made(finished, dataset) -> None:
+def test_dataset_is_valid_sealed_and_states_how_it_was_made(finished, dataset) -> None:
     _, path, report = finished
     assert path.name == "gp-j2-0.0.0+smoke.nc"
     assert list(report.done) == [DATASET]
@@ -78,7 +78,7 @@ def test_a_fresh_rollout_of_the_cell_is_what_was_recorded(name: str) -> None:
         np.testing.assert_allclose(again, kept, **step, err_msg=variable)
 
 
-def test_every_variable_says_how_it_was_rounded_and_rounding_again_changes_nothing() -> None:
+def test_every_variable_states_its_rounding_and_rounding_again_changes_nothing() -> None:
     ds = plane_records("gp-csuh")
     for name, variable in ds.data_vars.items():
         np.testing.assert_array_equal(recorded(str(name), variable.values), variable.values)

@@ -83,7 +83,7 @@ def test_every_job_of_the_smoke_campaign_succeeds(finished):
     assert len(report.done) == len(TESTS) + 2
 
 
-def test_dataset_is_valid_sealed_and_says_how_it_was_made(finished, dataset):
+def test_dataset_is_valid_sealed_and_states_how_it_was_made(finished, dataset):
     _, path, _ = finished
     validate_records(dataset, str(path))
     verify(dataset, str(path))

@@ -91,7 +91,7 @@ def test_points_that_half_a_turn_maps_on_each_other_are_kept_once() -> None:
         assert list(kept) == ([0, 1] if plan.problem == "biaxial" else [0, 1, 2, 3])
 
 
-def test_a_campaign_writes_what_it_was_asked_for(tmp_path, monkeypatch) -> None:
+def test_a_campaign_writes_the_requested_dataset(tmp_path, monkeypatch) -> None:
     """From the preset to the sealed file, with one analysis; run again it does nothing."""
     monkeypatch.setattr(
         generator_module, "planned_analyses", lambda *asked: planned_analyses(*asked)[6:7]
