@@ -15,7 +15,14 @@ import granbench.data
 from granbench.cells.find import find_cells
 from granbench.fem import find_problem, run
 from granbench.leaderboard.board import accepted, default_folder
-from granbench.plotting.style import MODEL_COLOURS, TRUTH, figure_grid, house_style, model_styles
+from granbench.plotting.style import (
+    LINE_STYLES,
+    MODEL_COLOURS,
+    TRUTH,
+    figure_grid,
+    house_style,
+    model_styles,
+)
 from granbench.tensors import deviatoric_stress
 
 PICTURE = Path(__file__).with_name("first_page.png")
@@ -24,12 +31,8 @@ TESTS = ("constant-p", 5e5, "fractal-1.5")
 """Loading family, mean stress (Pa) and grading of the particle tests that are shown."""
 NETWORKS = ("mlstm", "lstm", "persistence")
 """Models on the leaderboard whose rollouts are shown."""
-INSIDE = {
-    "ime": "truth",
-    "j2-fitted": "j2-fitted.model/0",
-    "gru-change": "gru-change.model/0",
-}
-"""Models in the analysis: the ground truth, and model folders on the leaderboard of `fem-ime`."""
+FITTED, NETWORK = "j2-fitted", "gru-change"
+"""Models of the board on `fem-ime` that take the place of the ground truth in an analysis."""
 CONFINEMENT = 1e5
 """Confining stress in Pa, in the middle of the range of `fem-ime`."""
 
@@ -89,21 +92,25 @@ def _rollout_errors(axis: Axes) -> None:
 
 
 def _analysis(axis: Axes) -> None:
-    """Reaction of a biaxial test with the ground truth and with fitted and trained models."""
+    """Reaction of a biaxial test with the ground truth, a fitted model, and a network."""
     problem = find_problem("biaxial", confinement=CONFINEMENT)
-    styles = model_styles(INSIDE)
-    for name, folder in INSIDE.items():
-        model = name if folder == "truth" else str(default_folder() / "fem-ime" / folder)
+    styles = model_styles([FITTED, NETWORK])
+    board = default_folder() / "fem-ime"
+
+    def response(model: str) -> tuple[np.ndarray, np.ndarray]:
         cell = find_cells(model, "gp-j2-mini").cell
-        found = run(problem, cell, solver="implicit", mesh="medium")
-        strain = 100.0 * found.dataset["driving_strain"].values
-        reaction = found.dataset["reaction"].values / 1e3
-        if folder == "truth":
-            axis.plot(strain[::4], reaction[::4], **TRUTH, label=f"{name} (truth)")
-        else:
-            axis.plot(strain, reaction, **styles[name].line(), label=name)
+        found = run(problem, cell, solver="implicit", mesh="medium").dataset
+        return 100.0 * found["driving_strain"].values, found["reaction"].values / 1e3
+
+    strain, reaction = response("ime")
+    axis.plot(strain[::4], reaction[::4], **TRUTH, label="ime (truth)")
+    axis.plot(*response(str(board / f"{FITTED}.model/0")), **styles[FITTED].line(), label=FITTED)
+    for seed, dashes in enumerate(LINE_STYLES[:3]):
+        line = {"color": styles[NETWORK].colour, "linestyle": dashes}
+        response_of_seed = response(str(board / f"{NETWORK}.model" / str(seed)))
+        axis.plot(*response_of_seed, **line, label=f"{NETWORK}, seed {seed}")
     axis.set(xlabel="driving strain [%]", ylabel="reaction [kN/m]")
-    axis.set_title("use: finite-element analysis")
+    axis.set_title("use: finite elements, model inside")
     axis.legend()
 
 

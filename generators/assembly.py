@@ -1,4 +1,4 @@
-"""From the arrays of a finished campaign to a dataset of stress-strain records.
+"""Make a dataset of stress-strain records from the arrays of a finished campaign.
 
 `granbench.records.schema.SCHEMA` alone says which dimensions a variable has. A job names what it
 records after the schema, and the assembly takes whatever was recorded.

@@ -64,7 +64,7 @@ class DatasetError(GranbenchError):
 
 
 class RegistryError(GranbenchError):
-    """A dataset, split or preset that nobody registered."""
+    """A dataset, split, task or preset that is not registered."""
 
 
 class DownloadError(GranbenchError):

@@ -76,10 +76,10 @@ def build(
 
 def _check_target(out: Path) -> None:
     if out.exists() and not out.is_dir():
-        raise ConfigurationError(f"--out {out} is a file; give a folder")
+        raise ConfigurationError(f"{out} is a file; give a folder for the site")
     if out.is_dir() and any(out.iterdir()) and not (out / BOARD_FILE).is_file():
         raise ConfigurationError(
-            f"--out {out} holds files that are not a leaderboard; give an empty or new folder"
+            f"{out} holds files that are not a leaderboard; give an empty or new folder"
         )
 
 

@@ -27,8 +27,8 @@ def default_folder() -> Path:
     folder = Path(__file__).parent / "submissions"
     if not folder.is_dir():
         raise ConfigurationError(
-            "granbench does not run from a checkout, so there is no board of its own; give the "
-            "folder of submissions as --board"
+            "granbench does not run from a checkout, so it has no board of its own; give the "
+            "folder of submissions"
         )
     return folder
 

@@ -86,7 +86,7 @@ def headline_table(
     floor: float | None = None,
     errors: RankedErrorsByName | None = None,
 ) -> BoardTable | None:
-    """The scores of one split that models are ranked by; None where nobody has any.
+    """The scores of one split that models are ranked by; None where no model has any.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ class Recipe:
 
 
 def _eased(begin: float, end: float, share: float) -> float:
-    """From `begin` to `end` along half a cosine."""
+    """Half a cosine from `begin` to `end`."""
     cosine = 0.5 * (1.0 + math.cos(math.pi * min(share, 1.0)))
     return end + (begin - end) * cosine
 

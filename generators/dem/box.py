@@ -35,7 +35,7 @@ SMALLEST_VOID_RATIO = 0.05
 """No packing has a smaller void ratio: below it LIGGGHTS has lost contacts without an error."""
 
 _FULL_ORDER = [0, 1, 2, 5, 4, 3]
-"""From the order of LIGGGHTS, xx, yy, zz, xy, xz, yz, to the full order of the datasets."""
+"""Positions in the order of LIGGGHTS (xx, yy, zz, xy, xz, yz) of the full component order."""
 
 
 class GrainBox:

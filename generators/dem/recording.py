@@ -1,4 +1,4 @@
-"""From the measurements during a test to its record, and the limits of the dataset.
+"""Make the record of a test from its measurements, and check the limits of the dataset.
 
 The stress is measured as averages over chunks, and the geometry at the records, where chunks end.
 Every record has a row with the geometry, the stress interpolated between two averages, and the

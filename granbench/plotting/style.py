@@ -177,7 +177,7 @@ def ordered_colours(values: Sequence[float] | np.ndarray) -> tuple[list[Any], An
     palette = mpl.colormaps["cividis"].resampled(256)
     colours = palette(np.linspace(0.0, 0.9, 256))
     scale = mpl.cm.ScalarMappable(
-        Normalize(low, high), mpl.colors.ListedColormap(colours, name="house")
+        Normalize(low, high), mpl.colors.ListedColormap(colours, name="cividis-without-palest")
     )
     return [scale.to_rgba(number) for number in numbers], scale
 

@@ -76,17 +76,17 @@ def test_a_file_does_not_excuse_its_model(predictions, stated, case):
 
 def test_the_task_itself_excuses_with_its_own_words(predictions, stated):
     """J2 may carry tension, whatever the file gives as the reason."""
-    told = predictions.assign_attrs({PHYSICS_OBSTACLES: json.dumps({"compression": "lazy"})})
-    found = card(told, stated).find("compression", "test", "violation_worst")
+    claimed = predictions.assign_attrs({PHYSICS_OBSTACLES: json.dumps({"compression": "lazy"})})
+    found = card(claimed, stated).find("compression", "test", "violation_worst")
     assert (found.status, found.reason) == ("not_applicable", CARRIES_TENSION)
 
 
 def test_a_model_without_a_tangent_is_a_kind_of_model(predictions, stated):
     reason = f"{NO_TANGENT[0]}: element 0 of tensors does not require grad"
-    told = predictions.assign_attrs(
+    claimed = predictions.assign_attrs(
         {PHYSICS_OBSTACLES: json.dumps({"tangent": reason, "compression": CARRIES_TENSION})}
     )
-    found = card(told, stated).find("tangent", "test", "violation_worst")
+    found = card(claimed, stated).find("tangent", "test", "violation_worst")
     assert (found.status, found.reason) == ("not_applicable", reason)
 
 

@@ -1,4 +1,4 @@
-"""From timings, made by hand, to scores of the cost axis."""
+"""Scores of the cost axis from given timings."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""From responses of analyses, made by hand, to scores of the embedded axis."""
+"""Scores of the embedded axis from given responses of analyses."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""From responses to checks, made by hand, to violations and scores."""
+"""Violations and scores of the physics axis from given responses to the checks."""
 
 import json
 from collections.abc import Callable

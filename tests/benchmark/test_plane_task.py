@@ -30,7 +30,7 @@ def card(cell: MaterialCell, records: xr.Dataset, axes: Iterable[str] = axis_nam
 
 
 def values(card: Scorecard, metric: str = "stress_mse_mean") -> dict[str, float | None]:
-    """Of the test split, by protocol."""
+    """Scores of the test split, by protocol."""
     return {name: card.find(name, "test", metric).value for name in PROTOCOLS}
 
 

@@ -1,4 +1,4 @@
-"""From a model's name to its cells: each kind of name, and which of them goes first."""
+"""Finding the cells of a model by name: each kind of name, and which has priority."""
 
 from pathlib import Path
 

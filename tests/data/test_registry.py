@@ -16,7 +16,7 @@ from granbench.records import attributes_hash, describe, open_records, write_rec
 @pytest.mark.parametrize("entry", entries(), ids=lambda e: f"{e.id}-{e.version}")
 def test_shipped_files_agree_with_the_registry(entry):
     held = [folder / entry.file for folder in folders_of(entry) if (folder / entry.file).exists()]
-    assert held or entry.mirrors, "nobody could ever fetch it"
+    assert held or entry.mirrors, "it cannot be fetched from anywhere"
     for file in held:
         assert why_not(file, entry) is None
         assert verify_file(file) == entry

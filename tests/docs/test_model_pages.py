@@ -18,7 +18,7 @@ from granbench.plotting.model import QUANTITIES, Panel, model_figure
 
 NAMES = list(MODELS)
 PICTURE_BYTES = 90_000
-"""Of a figure: pages are read on slow lines too."""
+"""Largest size of a figure, bytes: pages are read on slow connections too."""
 
 CURVES = {
     "j2.csv": ("j2", 0, "biaxial, in the plane"),

@@ -21,7 +21,8 @@ from granbench.models import MODELS
 from granbench.paths.confining_pressure import RandomConfinement
 
 BALANCED = 1e-11
-"""Of energy: central differences conserve it exactly, and rounding adds up over 1e3-1e4 steps."""
+"""Relative tolerance of the energy: central differences conserve it exactly, and rounding adds up
+over 1e3-1e4 steps."""
 
 QUICK = ExplicitSettings(outputs=20)
 

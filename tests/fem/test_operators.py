@@ -15,7 +15,7 @@ ROUNDING = 1e-12
 
 GRADIENT = np.array([[0.03, 0.01], [0.02, -0.05]])
 STRAIN = -np.array([GRADIENT[0, 0], GRADIENT[1, 1], 0.5 * (GRADIENT[0, 1] + GRADIENT[1, 0])])
-"""Of the displacement GRADIENT @ x, compression positive."""
+"""Strain of the displacement GRADIENT @ x, compression positive."""
 
 each_element = pytest.mark.parametrize("element", ELEMENTS)
 with_and_without_b_bar = pytest.mark.parametrize("b_bar", [False, True])

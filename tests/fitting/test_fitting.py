@@ -88,7 +88,7 @@ def test_intervals_of_a_linear_model_are_those_of_linear_regression() -> None:
 
 
 NEAR = FitSettings(starts=1, effort=Effort(adam_iterations=0, iterations=8))
-"""From the truth: only the noise has to be followed."""
+"""Iterations that start from the truth: only the noise has to be followed."""
 
 
 def test_intervals_cover_the_truth_at_the_stated_rate() -> None:

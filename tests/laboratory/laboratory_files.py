@@ -32,7 +32,7 @@ def write_csv(path: Path, headers: Sequence[str], columns: Sequence[np.ndarray])
 
 
 def write_karlsruhe(path: Path, curve: dict[str, np.ndarray]) -> Path:
-    """As the author files of the Karlsruhe sand: two header lines, tabs, Windows line ends."""
+    """A table like the files of the Karlsruhe sand: two header lines, tabs, Windows line ends."""
     radial = (curve["epsv"] - curve["eps1"]) / 2.0
     deviatoric = 2.0 / 3.0 * (curve["eps1"] - radial)
     ratio = curve["q"] / curve["p"]

@@ -338,7 +338,7 @@ def test_after_every_step_the_stress_lies_on_its_yield_surface_or_inside(name, o
 
 
 def determinant(cell: CSUH, s: Tensor) -> Tensor:
-    """Of symmetric tensors (component, point)."""
+    """Determinants of symmetric tensors (component, point)."""
     if cell.order == "principal":
         return s.prod(dim=0)
     if cell.order == "plane":

@@ -12,14 +12,14 @@ from torch import Tensor
 from granbench.models.csuh import formulas
 
 ROUNDING = 1e-12
-"""Of a formula with some ten operations, the logarithms and powers of which lose a few digits."""
+"""Tolerance of about ten operations, whose logarithms and powers lose a few digits."""
 
 KPA = 1e3
 
 stresses = st.floats(1.0, 5e3)  # kPa
 critical_ratios = st.floats(0.3, 2.5)
 shares = st.floats(0.0, 0.95)
-"""Of a stress ratio or a parameter, of the range in which it means something."""
+"""Shares of the meaningful range of a stress ratio or a parameter."""
 
 
 def number(value: float) -> Tensor:

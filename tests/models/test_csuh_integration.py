@@ -66,7 +66,7 @@ def difference(cell: CSUH, one: Tensor, other: Tensor) -> Tensor:
 
 
 def stays_above_the_floor(cell: CSUH, states: Tensor) -> Tensor:
-    """Of every state, whether its point has not been near the floor so far, (step, point)."""
+    """Whether the point has stayed away from the floor so far, for every state, (step, point)."""
     p = torch.stack([invariants(cell, state)[0] for state in states])
     return p.cummin(dim=0).values > 2.0 * FLOOR
 

@@ -62,7 +62,7 @@ def solution(strain: Tensor, speed: Tensor, value: float = 1.0) -> Tensor:
 
 
 SPEEDS = numbers(0.01, 1.0, 30.0, 1e3)
-"""From one piece to hundreds."""
+"""Increments that take from one substep to hundreds."""
 
 
 # The Runge-Kutta pair.

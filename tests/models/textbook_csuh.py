@@ -34,7 +34,7 @@ def invariants(stress: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def gradient(function, stress: np.ndarray) -> np.ndarray:
-    """Of a function of principal stresses (3, point), by the complex step."""
+    """Gradient of a function of principal stresses (3, point), by the complex step."""
     rows = []
     for k in range(3):
         shifted = stress.astype(complex)
@@ -118,7 +118,7 @@ class Textbook:
         return bulk * volumetric + 2.0 * shear * (strain - volumetric / 3.0)
 
     def rate(self, state: np.ndarray, strain: np.ndarray) -> np.ndarray:
-        """Of stress, H and e, (5, point), under a strain rate (3, point), on the surface."""
+        """Rates of stress, H and e, (5, point), under a strain rate (3, point), on the surface."""
         stress, hardening, void_ratio = state[:3], state[3], state[4]
         failure, characteristic = self.limits(stress, void_ratio)
 
