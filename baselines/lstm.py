@@ -1,4 +1,4 @@
-"""`lstm`: the long short-term memory network, which knows neither initial stress nor void ratio."""
+"""`lstm`: the long short-term memory network without initial stress and void ratio as input."""
 
 from granbench.baselines.recurrent_baseline import REFERENCE_RECIPE, RecurrentBaseline
 from granbench.baselines.recurrent_network import RecurrentConfiguration

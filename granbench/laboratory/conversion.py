@@ -66,7 +66,7 @@ def to_records(
         "stress": ((*series, "component"), np.stack([test.stress for test in even])),
     }
     coordinates: dict[str, tuple[str, object]] = {
-        "component": ("component", ["11", "22", "33"]),
+        "component": ("component", list(COMPONENT_ORDERS["principal"])),
         "path_id": ("path", names),
         "specimen": ("path", names),
         "split": ("path", ["test" if name in left_out else "train" for name in names]),
