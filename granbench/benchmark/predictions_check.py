@@ -12,6 +12,7 @@ from granbench.files.json_reading import parse_json_object
 
 PATH_COORDINATES = ("path_id", "specimen", "split", "loading_family")
 REMEDY = "run `granbench evaluate` again"
+UNKNOWN_REMEDY = "install the package that brings it, or evaluate again without that package"
 
 
 def check_variables(predictions: xr.Dataset, path: Path) -> None:
@@ -22,6 +23,12 @@ def check_variables(predictions: xr.Dataset, path: Path) -> None:
     SubmissionError
         Naming the file and the first variable, coordinate or attribute that is wrong.
     """
+    known = layout()
+    for name in map(str, predictions.data_vars):
+        if name not in known:
+            raise SubmissionError(
+                f"{path}: no installed package defines the variable {name!r}; {UNKNOWN_REMEDY}"
+            )
     for complaint in _complaints(predictions):
         raise SubmissionError(f"{path}: {complaint}; {REMEDY}")
     for name in (name for axis in axes() for name in axis.json_attributes):
@@ -48,9 +55,7 @@ def _complaints(predictions: xr.Dataset) -> Iterator[str]:
         yield from axis.file_complaints(predictions)
     for label, variable in predictions.data_vars.items():
         name = str(label)
-        if name not in variables:
-            yield f"no score is made from {name!r}"
-        elif variable.dims != variables[name].dims:
+        if variable.dims != variables[name].dims:
             yield f"{name!r} has dimensions {variable.dims}, expected {variables[name].dims}"
         elif variable.dtype.kind != "f":
             yield f"{name!r} does not hold numbers"

@@ -118,6 +118,16 @@ def find_metric(axis: str, name: str) -> Metric | None:
     return next((metric for metric in found.metrics() if metric.is_named(name)), None)
 
 
+def is_plugged_in(axis: str, name: str) -> bool:
+    """Whether another package brings the metric of a score, or its axis.
+
+    Parameters
+    ----------
+    axis, name : as of `find_metric`
+    """
+    return axis in plugged_in_axes() or find_metric(axis, name) in plugged_in_metrics()
+
+
 def headline_axis() -> Axis:
     """The axis with the score that models are ranked by.
 

@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from plug_in import granbench, install, scores
+from plug_in import granbench, install, refused, scores
 
 AXIS = '''
 """Does the stress stay where it is while nothing happens?"""
@@ -100,3 +100,22 @@ def test_a_task_does_not_ask_for_an_axis_of_another_package(tmp_path: Path) -> N
     granbench(tmp_path, *words, "--out", "all.json")
     (toy, *_) = scores(tmp_path / "all.json", axis="toy")
     assert toy["status"] == "not_applicable"
+
+
+def test_a_submission_is_valid_with_and_refused_without_the_package_of_an_axis(
+    tmp_path: Path,
+) -> None:
+    bare, extended = tmp_path / "bare", tmp_path / "extended"
+    bare.mkdir()
+    install(extended, {"toy_axis.py": AXIS}, "granbench.axes", ENTRY_POINT)
+    words = ("evaluate", "persistence", "--task", "dem-triaxial-mini", "--axis", "single-step")
+    granbench(bare, *words, "--quiet", "--out", "bare.json")
+    granbench(extended, *words, "--axis", "toy", "--quiet", "--out", "run.json")
+    granbench(extended, *words, "--quiet", "--out", "not_run.json")
+    # A submission that was made before the axis was installed lacks its scores;
+    said = granbench(extended, "submission", "validate", bare / "bare.json", "--json")
+    assert json.loads(said)["valid"]
+    # one that has them cannot be checked where the axis is not installed.
+    for file, missing in (("run.json", "variable 'toy_drift'"), ("not_run.json", "axis 'toy'")):
+        error = " ".join(refused(bare, "submission", "validate", extended / file).split())
+        assert missing in error and "install the package" in error

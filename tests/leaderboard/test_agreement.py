@@ -120,6 +120,22 @@ def test_what_is_missing_or_foreign_is_named(row) -> None:
         compare(row, again(row, curves=()), "lstm.json", RESCORED)
 
 
+@pytest.mark.parametrize("field", ["axis", "metric"])
+def test_a_score_that_no_installed_package_defines_is_named(row, field: str) -> None:
+    unknown = row.scores[0].model_copy(update={field: "beyond"})
+    claimed = row.model_copy(update={"scores": (*row.scores, unknown)})
+    with pytest.raises(SubmissionError, match=f"{field} 'beyond'"):
+        compare(claimed, again(row), "lstm.json", RESCORED)
+
+
+@pytest.mark.parametrize("field", ["protocol", "metric"])
+def test_a_curve_that_no_installed_package_defines_is_named(row, field: str) -> None:
+    unknown = row.curves[0].model_copy(update={field: "beyond"})
+    claimed = row.model_copy(update={"curves": (*row.curves, unknown)})
+    with pytest.raises(SubmissionError, match=f"{field} 'beyond'"):
+        compare(claimed, again(row), "lstm.json", RESCORED)
+
+
 @pytest.mark.parametrize("field", ["value", "low", "by_seed", "n", "unit"])
 def test_a_field_that_differs_is_refused(row, field) -> None:
     def changed(score: Score) -> Score:
