@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 from granbench.benchmark.predictions_check import UNKNOWN_REMEDY
 from granbench.benchmark.registry import (
-    axes,
     find_axis,
     find_metric,
     find_part,
     is_plugged_in,
+    of_every_axis,
 )
 from granbench.benchmark.scorecard import ALL, Curve, Score, Scorecard
 from granbench.benchmark.tolerance import VALUE, Tolerance
@@ -179,7 +179,7 @@ def lost_results(scores: Sequence[Score]) -> set[tuple[str, str]]:
     ----------
     scores : recomputed ones: a claim may not excuse others
     """
-    return {place for axis in axes() for place in axis.lost_results(scores)}
+    return set(of_every_axis(lambda axis: axis.lost_results(scores)))
 
 
 def _difference_of_lost(claimed: Score, again: Score, how: Agreement) -> str | None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from granbench.benchmark.registry import axes, labels, layout
+from granbench.benchmark.registry import axes, labels, layout, of_every_axis
 from granbench.errors import SubmissionError
 from granbench.files.json_reading import parse_json_object
 
@@ -51,8 +51,7 @@ def check_labels(predictions: xr.Dataset, path: Path) -> None:
 
 def _complaints(predictions: xr.Dataset) -> Iterator[str]:
     variables = layout()
-    for axis in axes():
-        yield from axis.file_complaints(predictions)
+    yield from of_every_axis(lambda axis: axis.file_complaints(predictions))
     for label, variable in predictions.data_vars.items():
         name = str(label)
         if variable.dims != variables[name].dims:
@@ -90,8 +89,7 @@ def _label_complaints(predictions: xr.Dataset) -> Iterator[str]:
     seeds = predictions["seed"].values
     if (seeds < 0).any() or (seeds > np.iinfo(np.int64).max).any():
         yield f"a seed is {seeds.min()}; seeds begin at 0"
-    for axis in axes():
-        yield from axis.label_complaints(predictions)
+    yield from of_every_axis(lambda axis: axis.label_complaints(predictions))
     for dim, known in labels().items():
         if dim in predictions.dims and not set(predictions[dim].values) <= set(known):
             found = ", ".join(map(str, predictions[dim].values))

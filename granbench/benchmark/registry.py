@@ -4,11 +4,15 @@ A package registers an axis under the entry-point group `granbench.axes`, and a 
 `granbench.metrics`.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import replace
 from functools import cache
+from typing import TypeVar
 
 from granbench.benchmark.axis import Axis, Part, Stored
 from granbench.benchmark.metric import Metric
+from granbench.benchmark.package_code import package_code
 from granbench.errors import ConfigurationError
 from granbench.registration import Registry
 
@@ -16,6 +20,15 @@ AXES: Registry[Axis] = Registry("granbench.axes", "axis", Axis, error=Configurat
 METRICS: Registry[Metric] = Registry(
     "granbench.metrics", "metric", Metric, error=ConfigurationError
 )
+
+Result = TypeVar("Result")
+
+
+class _NoMore:
+    """The end of an iterator, whose results may be None."""
+
+
+_NO_MORE = _NoMore()
 
 
 @cache
@@ -51,7 +64,8 @@ def plugged_in_metrics() -> tuple[Metric, ...]:
     """
     found: list[Metric] = []
     known = {axis.name: axis for axis in axes()}
-    for metric in METRICS.values():
+    for point, registered in METRICS.items():
+        metric = replace(registered, package=METRICS.package(point))
         if metric.axis not in known:
             raise ConfigurationError(
                 f"metric {metric.name!r}: axis is {metric.axis!r}; use one of {', '.join(known)}"
@@ -70,6 +84,35 @@ def plugged_in_metrics() -> tuple[Metric, ...]:
 def plugged_in_axes() -> frozenset[str]:
     """Names of the axes that other packages register."""
     return frozenset(name for point in AXES if not AXES.own(point) for name in AXES[point].names)
+
+
+@cache
+def _packages_of_axes() -> dict[str, str | None]:
+    return {AXES[point].name: AXES.package(point) for point in AXES}
+
+
+def axis_code(axis: Axis) -> AbstractContextManager[None]:
+    """Calls of an axis; an exception in the code of another package becomes an error naming it.
+
+    Raises
+    ------
+    ConfigurationError
+        See `granbench.benchmark.package_code.package_code`.
+    """
+    return package_code(f"axis {axis.name!r}", _packages_of_axes().get(axis.name))
+
+
+def of_every_axis(call: Callable[[Axis], Iterable[Result]]) -> Iterator[Result]:
+    """The results of a call for every axis, in the order of the scorecard, within `axis_code`."""
+    for axis in axes():
+        with axis_code(axis):
+            results = iter(call(axis))
+        while True:
+            with axis_code(axis):
+                result = next(results, _NO_MORE)
+            if isinstance(result, _NoMore):
+                break
+            yield result
 
 
 def axis_names() -> tuple[str, ...]:

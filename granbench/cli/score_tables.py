@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from granbench.benchmark.presentation import TextTable, found_scores
-from granbench.benchmark.registry import axes
+from granbench.benchmark.registry import axes, axis_code
 from granbench.benchmark.score_text import written
 from granbench.benchmark.scorecard import ALL
 
@@ -34,7 +34,9 @@ def tables(submission: "Submission", others: Sequence["Submission"]) -> Iterator
     splits = (score.split for score in submission.scores if score.split != ALL)
     for split in (*dict.fromkeys(splits), ALL):
         for axis in axes():
-            for shown in axis.text_tables(submission, split):
+            with axis_code(axis):
+                found = tuple(axis.text_tables(submission, split))
+            for shown in found:
                 yield Text(shown) if isinstance(shown, str) else _rich_table(shown)
             if axis.headline is not None and others:
                 yield from _beside(axis, axis.headline.metric, submission, others, split)

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import pytest
 from plug_in import granbench, install, refused, scores
 
 AXIS = '''
@@ -119,3 +120,51 @@ def test_a_submission_is_valid_with_and_refused_without_the_package_of_an_axis(
     for file, missing in (("run.json", "variable 'toy_drift'"), ("not_run.json", "axis 'toy'")):
         error = " ".join(refused(bare, "submission", "validate", extended / file).split())
         assert missing in error and "install the package" in error
+
+
+TOY = ("--task", "dem-triaxial-mini", "--axis", "toy", "--quiet", "--out", "toy.json")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "        import torch",
+        "            state = cell.initial_state(start)",
+        "        drift = np.abs(scored",
+        "        rows = np.flatnonzero(",
+    ],
+    ids=["predict", "measurement of a cell", "sample", "places"],
+)
+def test_an_exception_in_an_axis_names_its_package_and_line(tmp_path: Path, line: str) -> None:
+    indent = " " * (len(line) - len(line.lstrip()))
+    broken = AXIS.replace(line, f"{indent}1 / 0\n{line}", 1)
+    install(tmp_path, {"toy_axis.py": broken}, "granbench.axes", ENTRY_POINT)
+    error = " ".join(refused(tmp_path, "evaluate", "persistence", *TOY).split())
+    number = broken.splitlines().index(f"{indent}1 / 0") + 1
+    for words in ("axis 'toy'", "my-package", "ZeroDivisionError", f"toy_axis.py line {number}"):
+        assert words in error
+    assert "model" not in error
+
+
+def test_an_exception_in_a_cell_names_the_cell_and_not_the_axis(tmp_path: Path) -> None:
+    cell = """
+from granbench.baselines.persistence import PersistenceCell
+
+
+class Broken(PersistenceCell):
+    name = "broken"
+
+    def initial_state(self, start):
+        if len(start.stress) > 10:  # more than are checked
+            raise KeyError("fabric")
+        return super().initial_state(start)
+
+
+def cell():
+    return Broken()
+"""
+    files = {"toy_axis.py": AXIS, "broken.py": cell}
+    install(tmp_path, files, "granbench.axes", ENTRY_POINT)
+    error = " ".join(refused(tmp_path, "evaluate", "broken:cell", *TOY).split())
+    assert "cell 'broken'" in error and "broken.py line 10" in error
+    assert "my-package" not in error

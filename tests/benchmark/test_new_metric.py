@@ -73,6 +73,23 @@ def test_a_submission_is_valid_with_and_refused_without_the_package_of_a_metric(
 
 
 @pytest.mark.parametrize(
+    ("function", "exception"),
+    [("1 / 0", "ZeroDivisionError"), ("errors.relative.mean()", "IndexError")],
+    ids=["raises", "wrong shape"],
+)
+def test_an_exception_in_a_metric_names_its_package(
+    tmp_path: Path, function: str, exception: str
+) -> None:
+    broken = METRIC.replace("errors.relative[..., -1]", function)
+    install(tmp_path, {"toy_metric.py": broken}, "granbench.metrics", ENTRY_POINT)
+    words = ("evaluate", "persistence", "--task", "dem-triaxial-mini", "--axis", "rollout")
+    error = " ".join(refused(tmp_path, *words, "--out", "toy.json").split())
+    for named in ("metric 'last_error_median'", "my-package", exception):
+        assert named in error
+    assert ("toy_metric.py line 6" in error) == (exception == "ZeroDivisionError")
+
+
+@pytest.mark.parametrize(
     ("change", "named"),
     [
         (('axis="along-paths"', 'axis="beyond"'), "axis is 'beyond'"),
