@@ -24,7 +24,7 @@ from granbench.leaderboard.submission import Submission
 
 @dataclass(frozen=True)
 class Agreement:
-    """Between claimed numbers and those of the maintainers.
+    """How closely claimed numbers must agree with those of the maintainers.
 
     Parameters
     ----------

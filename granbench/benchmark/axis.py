@@ -287,7 +287,7 @@ class Axis(ABC):
         yield from text_tables(self, model, split)
 
     def board_sections(self, board: BoardView) -> Iterator[Section]:
-        """Tables and charts of several models on a task's page; nothing where nobody ran it."""
+        """Tables and charts of several models on a task's page; nothing where no model was run."""
         from granbench.benchmark.standard_tables import board_sections
 
         yield from board_sections(self, board)

@@ -67,7 +67,7 @@ class Statistic:
 
 @dataclass(frozen=True)
 class Aggregation:
-    """From the statistic of many paths to one number.
+    """Turns the statistic of many paths into one number.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 One netCDF file a model, with the record's path coordinates and the variables that the registered
 axes declare (`Axis.layout`). Values are stored with `KEEP_BITS` bits of mantissa; NaN means that
 the run broke down there. Scores are computed from the stored values against the truth rounded
-alike, so that anybody reproduces them from the file, and a perfect model scores exactly zero.
+alike, so that they can be reproduced from the file, and a perfect model scores exactly zero.
 """
 
 from collections.abc import Iterable, Mapping
@@ -162,7 +162,7 @@ def open_predictions(path: Path) -> xr.Dataset:
 
 
 def read_predictions_here(path: Path) -> xr.Dataset:
-    """As `open_predictions`, in this process.
+    """Read a predictions file in this process, otherwise as `open_predictions`.
 
     Raises
     ------

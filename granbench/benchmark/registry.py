@@ -23,6 +23,12 @@ METRICS: Registry[Metric] = Registry(
 
 Result = TypeVar("Result")
 
+_WRITTEN: dict[str, Callable[[Axis], Iterable[str]]] = {
+    "part": lambda axis: [part.name for part in axis.parts],
+    "variable": lambda axis: axis.layout,
+    "coordinate": lambda axis: axis.labels,
+}
+
 
 class _NoMore:
     """The end of an iterator, whose results may be None."""
@@ -38,7 +44,8 @@ def axes() -> tuple[Axis, ...]:
     Raises
     ------
     ConfigurationError
-        If there is none, what is registered is not an axis, or two axes share a name.
+        If there is none, what is registered is not an axis, or two axes share a name, a part, or a
+        variable or coordinate of the predictions file.
     """
     found = list(AXES.values())
     if not found:
@@ -50,7 +57,29 @@ def axes() -> tuple[Axis, ...]:
         raise ConfigurationError(
             f"two packages register an axis {twice[0]!r}; uninstall one of them"
         )
+    _require_own_names(found)
     return tuple(sorted(found, key=lambda axis: (axis.order, axis.name)))
+
+
+def _require_own_names(found: Sequence[Axis]) -> None:
+    """Refuse what two axes would both write: parts in the scores, variables and coordinates."""
+    for kind, names_of in _WRITTEN.items():
+        owners: dict[str, str] = {}
+        for axis in found:
+            for name in names_of(axis):
+                other = owners.setdefault(name, axis.name)
+                if other != axis.name:
+                    raise ConfigurationError(
+                        f"axis {axis.name!r} has the {kind} {name!r}, which axis {other!r} has "
+                        "too; rename it in the package that registers the axis"
+                    )
+    for axis in found:
+        for part in axis.parts:
+            if part.axis not in axis.names:
+                raise ConfigurationError(
+                    f"axis {axis.name!r}: the part {part.name!r} belongs to axis {part.axis!r}; "
+                    f"use axis={axis.names[0]!r}"
+                )
 
 
 @cache

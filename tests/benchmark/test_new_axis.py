@@ -97,8 +97,10 @@ def test_an_axis_of_another_package_is_scored_shown_and_validated(tmp_path: Path
 def test_a_task_does_not_ask_for_an_axis_of_another_package(tmp_path: Path) -> None:
     """Without `--axis` the axes of the task are run, so that submissions stay comparable."""
     install(tmp_path, {"toy_axis.py": AXIS}, "granbench.axes", ENTRY_POINT)
-    words = ("evaluate", "persistence", "--task", "dem-triaxial-mini", "--quiet")
-    granbench(tmp_path, *words, "--out", "all.json")
+    words = ("evaluate", "persistence", "--task", "dem-triaxial-mini")
+    shown = granbench(tmp_path, *words, "--out", "all.json")
+    for title in ("Rest", "Embedded"):
+        assert title not in shown
     (toy, *_) = scores(tmp_path / "all.json", axis="toy")
     assert toy["status"] == "not_applicable"
 
@@ -120,6 +122,24 @@ def test_a_submission_is_valid_with_and_refused_without_the_package_of_an_axis(
     for file, missing in (("run.json", "variable 'toy_drift'"), ("not_run.json", "axis 'toy'")):
         error = " ".join(refused(bare, "submission", "validate", extended / file).split())
         assert missing in error and "install the package" in error
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (('Part(name="toy"', 'Part(name="rollout"'), ("part 'rollout'", "along-paths")),
+        (('axis="toy", title="Rest"),)', 'axis="cost", title="Rest"),)'), ("'toy'", "axis 'cost'")),
+        (('{"toy_drift": Stored(', '{"stress": Stored('), ("variable 'stress'", "along-paths")),
+        (("    layout =", '    labels = {"noise": ["a"]}\n    layout ='),
+         ("coordinate 'noise'", "along-paths")),
+    ],
+    ids=["part", "axis of a part", "variable", "coordinate"],
+)  # fmt: skip
+def test_an_axis_that_uses_a_name_of_another_is_refused(tmp_path: Path, change, named) -> None:
+    install(tmp_path, {"toy_axis.py": AXIS.replace(*change)}, "granbench.axes", ENTRY_POINT)
+    error = " ".join(refused(tmp_path, "task", "info", "dem-triaxial-mini").split())
+    for words in ("axis 'toy'", *named):
+        assert words in error
 
 
 TOY = ("--task", "dem-triaxial-mini", "--axis", "toy", "--quiet", "--out", "toy.json")

@@ -55,7 +55,7 @@ def number(axis: str, protocol: str, metric: str, n: int = 50) -> Score:
         (("cost", "cost", "update_seconds_100"), 11.0, 1.0, False),
         (("embedded", "embedded-implicit", "cell_speed_ratio"), 0.11, 1.0, True),
         (("cost", "cost", "update_ratio_10000"), 0.09, 1.0, False),
-        # Nobody measures these: they are counted, or read from a file.
+        # These are not measured: they are counted, or read from a file.
         (("cost", "cost", "parameters"), 1001.0, 999.0, False),
         (("cost", "cost", "training_seconds"), 2.0, 1.0, False),
     ],
