@@ -79,6 +79,17 @@ class Registry(Mapping[str, Registered], Generic[Registered]):
         """Whether GranBench itself registers the name, so that its own object is used."""
         return any(map(_is_own, self._points(name)))
 
+    def package(self, name: str) -> str | None:
+        """Name of the package that registers a name; None for GranBench itself.
+
+        Raises
+        ------
+        KeyError
+            If none does.
+        """
+        point = self._point(name)
+        return None if _is_own(point) else _package(point)
+
     def _points(self, name: str) -> tuple[EntryPoint, ...]:
         return _points_by_name(self.group, tuple(sys.path)).get(name, ())
 
@@ -106,9 +117,8 @@ class Registry(Mapping[str, Registered], Generic[Registered]):
         try:
             found = point.load()
         except (Exception, SystemExit) as error:  # code of another package
-            raise self.error(
-                f"{where} cannot be loaded ({type(error).__name__}: {error}); {remedy}"
-            ) from error
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            raise self.error(f"{where} cannot be loaded ({reason}); {remedy}") from error
         contract = f"{self.contract.__module__}.{self.contract.__qualname__}"
         if self.classes and not (isinstance(found, type) and issubclass(found, self.contract)):
             raise self.error(f"{where} must be a subclass of {contract}; {remedy}")

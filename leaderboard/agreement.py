@@ -8,8 +8,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from granbench.benchmark.registry import axes, find_metric, find_part
-from granbench.benchmark.scorecard import Curve, Score, Scorecard
+from granbench.benchmark.predictions_check import UNKNOWN_REMEDY
+from granbench.benchmark.registry import (
+    find_axis,
+    find_metric,
+    find_part,
+    is_plugged_in,
+    of_every_axis,
+)
+from granbench.benchmark.scorecard import ALL, Curve, Score, Scorecard
 from granbench.benchmark.tolerance import VALUE, Tolerance
 from granbench.errors import SubmissionError
 from granbench.leaderboard.submission import Submission
@@ -17,7 +24,7 @@ from granbench.leaderboard.submission import Submission
 
 @dataclass(frozen=True)
 class Agreement:
-    """Between claimed numbers and those of the maintainers.
+    """How closely claimed numbers must agree with those of the maintainers.
 
     Parameters
     ----------
@@ -81,7 +88,8 @@ def compare(
     """Refuse a submission unless every score, curve and scale agrees.
 
     Where rounding decides a result (`Axis.lost_results`), numbers need only be of the right order;
-    the board shows the recomputed ones.
+    the board shows the recomputed ones. A submission may lack the scores and curves of metrics and
+    axes that other packages bring.
 
     Returns
     -------
@@ -98,6 +106,8 @@ def compare(
     for score_again in card.scores:
         label = " / ".join(score_again.key)
         if score_again.key not in claimed:
+            if is_plugged_in(score_again.axis, score_again.metric):
+                continue
             raise SubmissionError(f"{path}: score {label} is missing; submit every score")
         chaotic = (score_again.protocol, score_again.group) in lost
         compared = _difference_of_lost if chaotic else _difference
@@ -108,12 +118,16 @@ def compare(
         if difference:
             raise SubmissionError(f"{path}: score {label} cannot be reproduced: {difference}")
     if claimed:
-        label = " / ".join(next(iter(claimed)))
-        raise SubmissionError(f"{path}: score {label} is not one of this benchmark; remove it")
+        label, unknown = " / ".join(next(iter(claimed))), next(iter(claimed.values()))
+        reason = _why_unknown(unknown.axis, unknown.metric)
+        raise SubmissionError(f"{path}: score {label} {reason}")
     curves = {item.key: item for item in submission.curves}
     for curve_again in card.curves:
         label = " / ".join(curve_again.key)
         if curve_again.key not in curves:
+            part = find_part(curve_again.protocol)
+            if part is not None and is_plugged_in(part.axis, curve_again.metric):
+                continue
             raise SubmissionError(f"{path}: curve {label} is missing; submit every curve")
         curve = curves.pop(curve_again.key)
         same = _same_curve(curve, curve_again, how)
@@ -123,8 +137,10 @@ def compare(
         if not same:
             raise SubmissionError(f"{path}: curve {label} cannot be reproduced from {how.source}")
     if curves:
-        label = " / ".join(next(iter(curves)))
-        raise SubmissionError(f"{path}: curve {label} is not one of this benchmark; remove it")
+        label, (protocol, *_, metric) = " / ".join(next(iter(curves))), next(iter(curves))
+        part = find_part(protocol)
+        reason = _why_unknown(None if part is None else part.axis, metric, protocol)
+        raise SubmissionError(f"{path}: curve {label} {reason}")
     scales, again = submission.normalisation, card.normalisation
     same = scales.stress.keys() == again.stress.keys() and all(
         RESCORED.close(scales.stress[name], again.stress[name]) for name in again.stress
@@ -136,6 +152,26 @@ def compare(
     return tuple(not_reproduced)
 
 
+def _why_unknown(axis: str | None, metric: str, protocol: str = "") -> str:
+    """Why no score or curve of that name was computed again, and what to do.
+
+    Parameters
+    ----------
+    axis : of the score; None for a curve whose protocol belongs to no axis
+    metric : of the score or curve
+    protocol : of a curve
+    """
+    if axis is None:
+        missing = f"protocol {protocol!r}"
+    elif find_axis(axis) is None:
+        missing = f"axis {axis!r}"
+    elif metric != ALL and find_metric(axis, metric) is None:
+        missing = f"metric {metric!r}"
+    else:
+        return "is not one of this benchmark; remove it"
+    return f"cannot be computed again: no installed package defines the {missing}; {UNKNOWN_REMEDY}"
+
+
 def lost_results(scores: Sequence[Score]) -> set[tuple[str, str]]:
     """Protocol and group of results that rounding decides, on every axis.
 
@@ -143,7 +179,7 @@ def lost_results(scores: Sequence[Score]) -> set[tuple[str, str]]:
     ----------
     scores : recomputed ones: a claim may not excuse others
     """
-    return {place for axis in axes() for place in axis.lost_results(scores)}
+    return set(of_every_axis(lambda axis: axis.lost_results(scores)))
 
 
 def _difference_of_lost(claimed: Score, again: Score, how: Agreement) -> str | None:

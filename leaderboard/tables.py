@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from granbench.benchmark.metric import Direction
 from granbench.benchmark.presentation import BoardView, Cell, ModelTable, Section
-from granbench.benchmark.registry import axes, headline_axis
+from granbench.benchmark.registry import headline_axis, of_every_axis
 from granbench.leaderboard.ranking import (
     RankedErrorsByName,
     few_seeds,
@@ -77,7 +77,7 @@ class BoardTable:
 
 def sections(board: BoardView) -> list[Section]:
     """The sections of a task's page, axis after axis."""
-    return [section for axis in axes() for section in axis.board_sections(board)]
+    return list(of_every_axis(lambda axis: axis.board_sections(board)))
 
 
 def headline_table(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from granbench.benchmark.presentation import Block, BoardView
-from granbench.benchmark.registry import axes, find_part
+from granbench.benchmark.registry import find_part, of_every_axis
 from granbench.benchmark.scorecard import ALL
 from granbench.benchmark.task_summary import shortages_of_scores
 from granbench.data.replicates import ReplicateScatter
@@ -93,7 +93,7 @@ def task_page(
         ],
         "metrics": _metrics(view),
         "sections": shown,
-        "glossary": [term for axis in axes() for term in axis.glossary(view)],
+        "glossary": list(of_every_axis(lambda axis: axis.glossary(view))),
         "submissions": sorted(submissions, key=lambda item: (item.role != "model", item.name)),
         "dataset": submissions[0].dataset,
         "scatter": scatter,

@@ -8,7 +8,7 @@ import xarray as xr
 from granbench.benchmark.evaluation_run import SeedProgress
 from granbench.benchmark.metric import METRIC_VERSION
 from granbench.benchmark.predictions import evaluated, open_predictions
-from granbench.benchmark.registry import axes
+from granbench.benchmark.registry import axes, axis_code
 from granbench.benchmark.scored_task import ScoredPredictions
 from granbench.benchmark.scoring import score, scored_predictions
 from granbench.benchmark.task import Task
@@ -178,6 +178,7 @@ def _check_ground_truth(scored: ScoredPredictions, path: Path) -> None:
     """Refuse stored values of the ground truth that it does not give, because they are scored."""
     for axis in axes():
         try:
-            axis.check_ground_truth(scored)
+            with axis_code(axis):
+                axis.check_ground_truth(scored)
         except SubmissionError as error:
             raise SubmissionError(f"{path}: {error}") from error

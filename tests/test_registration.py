@@ -60,6 +60,17 @@ def test_a_package_that_cannot_be_loaded_is_named(plug_in) -> None:
     assert find_cells("j2").name == "j2"  # no other model is disturbed
 
 
+def test_the_exception_of_a_package_that_cannot_be_loaded_is_shown_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = {"broken_models.py": "raise ValueError('one\\nline  and another')"}
+    install(tmp_path, files, "granbench.models", "broken = broken_models:Clay")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ModelError, match="one line and another") as raised:
+        MODELS["broken"]
+    assert "\n" not in str(raised.value)
+
+
 @pytest.mark.parametrize("value", ["my_models:J2", "my_models:SOURCE", "my_models"])
 def test_an_object_that_does_not_belong_in_the_group_is_refused(plug_in, value: str) -> None:
     plug_in(clay=value)

@@ -19,6 +19,7 @@ import xarray as xr
 
 from granbench.benchmark.axis_parts import Group, Highlight, Part, PathSample, Stored
 from granbench.benchmark.metric import Metric, NotApplicable
+from granbench.benchmark.package_code import package_code
 from granbench.benchmark.presentation import BoardView, ModelView, Section, TextTable
 from granbench.benchmark.scorecard import ALL, Curve, Score, rounded
 from granbench.benchmark.scored_task import ScoredPredictions, ScoredTask
@@ -236,17 +237,19 @@ class Axis(ABC):
             reason = f"axis {part.axis} was left out of the evaluation"
             return Score(**place, status="not_run", reason=reason)
         try:
-            values = scored.values(self, part, metric.statistic)
+            scored.sample(self, part)  # code of the axis, not of the metric
+            with package_code(f"metric {metric.name!r}", metric.package):
+                values = scored.values(self, part, metric.statistic)
+                if metric.component is not None:
+                    values = values[..., metric.component]
+                values = values[:, group.rows]
+                found = metric.estimate(values)
+                low, high = (None, None) if found is None else group.interval(metric, values)
         except NotApplicable as reason:
             return Score(**place, status="not_applicable", reason=str(reason))
-        if metric.component is not None:
-            values = values[..., metric.component]
-        values = values[:, group.rows]
-        found = metric.estimate(values)
         if found is None:
             return Score(**place, status="not_applicable", reason=metric.undefined)
         value, by_seed = found
-        low, high = group.interval(metric, values)
         return Score(
             **place,
             status="scored",
@@ -284,7 +287,7 @@ class Axis(ABC):
         yield from text_tables(self, model, split)
 
     def board_sections(self, board: BoardView) -> Iterator[Section]:
-        """Tables and charts of several models on a task's page; nothing where nobody ran it."""
+        """Tables and charts of several models on a task's page; nothing where no model was run."""
         from granbench.benchmark.standard_tables import board_sections
 
         yield from board_sections(self, board)

@@ -10,10 +10,11 @@ import numpy as np
 import torch
 import xarray as xr
 
+from granbench.benchmark.axis import Axis
 from granbench.benchmark.evaluation_run import EvaluationRun, SeedProgress
-from granbench.benchmark.predictions import CELL_NOTES, assembled_predictions
+from granbench.benchmark.predictions import CELL_NOTES, assembled_predictions, known_answers
 from granbench.benchmark.registry import axes as registered_axes
-from granbench.benchmark.registry import chosen_axes
+from granbench.benchmark.registry import axis_code, chosen_axes, of_every_axis
 from granbench.benchmark.scored_task import ScoredTask
 from granbench.benchmark.task import Task
 from granbench.cells.check import CellCheck, checked_cell, spread_rows
@@ -77,14 +78,14 @@ def predict(
         notes = [note for check in passed.values() for note in check.notes]
         used = [axis for axis in registered_axes() if set(axis.names) & set(chosen)]
         # Axes that are compared with the records show first whether the seeds are one model.
-        parts = [axis.predict(run) for axis in used if axis.against_records]
+        parts = [_predicted(axis, run) for axis in used if axis.against_records]
         if _same_model(passed, parts) and len(set(map(id, cells.values()))) > 1:
             notes.append(
                 f"seeds {', '.join(map(str, cells))} are one and the same model: it is scored as "
                 "one deterministic model, and its seeds only draw the noise"
             )
             run = replace(run, cells=dict.fromkeys(cells, next(iter(cells.values()))))
-        parts += [axis.predict(run) for axis in used if not axis.against_records]
+        parts += [_predicted(axis, run) for axis in used if not axis.against_records]
     return assembled_predictions(
         parts,
         dataset=dataset,
@@ -98,6 +99,11 @@ def predict(
     )
 
 
+def _predicted(axis: Axis, run: EvaluationRun) -> xr.Dataset:
+    with axis_code(axis):
+        return axis.predict(run)
+
+
 def _checked(run: EvaluationRun, checks: ExitStack) -> dict[int, CellCheck]:
     """The check of each seed's cell, which lasts as long as `checks`."""
     passed: dict[int, CellCheck] = {}
@@ -109,9 +115,11 @@ def _checked(run: EvaluationRun, checks: ExitStack) -> dict[int, CellCheck]:
 
 def _start(cell: MaterialCell, run: EvaluationRun) -> tuple[Any, ...]:
     """Where a cell is checked: as the records start, unless every axis starts elsewhere."""
-    starts = [
-        axis.start(cell, run.task) for axis in registered_axes() if set(axis.names) & set(run.axes)
-    ]
+    starts = []
+    for axis in registered_axes():
+        if set(axis.names) & set(run.axes):
+            with axis_code(axis):
+                starts.append(axis.start(cell, run.task))
     if starts[0] is not None and all(start is not None for start in starts):
         return starts[0]
     return _probe(cell, run.records)
@@ -131,12 +139,7 @@ def _same_model(checks: Mapping[int, CellCheck], parts: Iterable[xr.Dataset]) ->
         If some are, but not all.
     """
     seeds = list(checks)
-    known = [
-        answers
-        for part in parts
-        for axis in registered_axes()
-        if (answers := axis.answers(part)) is not None
-    ]
+    known = [answers for part in parts for answers in known_answers(part)]
     if known:
         answers = known[0]
         kinds = [_place_of(answer, answers, _equal_arrays) for answer in answers]
@@ -188,7 +191,9 @@ def _probe(cell: MaterialCell, dataset: xr.Dataset) -> tuple[Conditions, torch.T
 def progress_parts(axes: Iterable[str]) -> int:
     """How many times `predict` reports progress for one seed."""
     chosen = chosen_axes(axes)
-    return sum(axis.rounds(chosen) for axis in registered_axes() if set(axis.names) & set(chosen))
+    return sum(
+        of_every_axis(lambda axis: [axis.rounds(chosen)] if set(axis.names) & set(chosen) else [])
+    )
 
 
 def _check_order(cell: MaterialCell, dataset: xr.Dataset) -> None:

@@ -1,5 +1,6 @@
 """One evaluation of a model: what `Axis.predict` is given."""
 
+import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -10,6 +11,7 @@ import xarray as xr
 from granbench.benchmark.scored_task import ScoredTask
 from granbench.cells.contract import MaterialCell
 from granbench.cells.user_code import user_code
+from granbench.errors import GranbenchError
 
 Result = TypeVar("Result")
 SeedProgress = Callable[[int, str], None]
@@ -52,6 +54,8 @@ class EvaluationRun:
     def guarded(self, cell: MaterialCell, part: str, run: Callable[[], Result]) -> Result:
         """Call a user's cell; an error in its code becomes a `ModelError` with its line.
 
+        An exception that the code of an axis of another package raises outside of the cell passes.
+
         Parameters
         ----------
         cell : the user's
@@ -59,7 +63,15 @@ class EvaluationRun:
         run : calls it
         """
         with user_code(f"cell {cell.name!r} failed in protocol {part}"):
-            return run()
+            try:
+                return run()
+            except GranbenchError:
+                raise
+            except Exception as error:
+                if not _is_raised_outside(cell, error):
+                    raise
+                failure = error
+        raise failure
 
     def for_each_cell(self, part: str, measure: Callable[[MaterialCell], xr.Dataset]) -> xr.Dataset:
         """A measurement that does not depend on the seed itself: made once for each cell.
@@ -82,3 +94,17 @@ class EvaluationRun:
             self.report(seed, part)
         joined = xr.concat(found, dim="seed", combine_attrs="override", join="exact")
         return joined.assign_attrs(found[0].attrs)
+
+
+def _is_raised_outside(cell: MaterialCell, error: Exception) -> bool:
+    """Whether code of another package raised an error while it did not call the cell.
+
+    Parameters
+    ----------
+    cell : the user's
+    error : caught where that code was called
+    """
+    _, *frames = (frame for frame, _ in traceback.walk_tb(error.__traceback__))
+    if not frames or str(frames[0].f_globals.get("__name__", "")).split(".")[0] == "granbench":
+        return False
+    return not any(frame.f_locals.get("self") is cell for frame in frames)

@@ -14,7 +14,7 @@ Changing the definition of a metric here, in an axis or in `bootstrap` changes `
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -67,7 +67,7 @@ class Statistic:
 
 @dataclass(frozen=True)
 class Aggregation:
-    """From the statistic of many paths to one number.
+    """Turns the statistic of many paths into one number.
 
     Parameters
     ----------
@@ -136,6 +136,8 @@ class Metric:
     shown : where it has a column or a row
     heading : of a column in the terminal, two lines at most; made from the title by default
     finds_copies : whether equal values of two models make them suspect of being one model
+    package : name of the package that registers it, which the registry enters; None for metrics of
+        an axis itself
     """
 
     name: str
@@ -156,6 +158,7 @@ class Metric:
     shown: tuple[Place, ...] = ("terminal", "board")
     heading: str = ""
     finds_copies: bool = False
+    package: str | None = field(default=None, repr=False, compare=False)
 
     @property
     def by_component(self) -> bool:

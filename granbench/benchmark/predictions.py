@@ -3,7 +3,7 @@
 One netCDF file a model, with the record's path coordinates and the variables that the registered
 axes declare (`Axis.layout`). Values are stored with `KEEP_BITS` bits of mantissa; NaN means that
 the run broke down there. Scores are computed from the stored values against the truth rounded
-alike, so that anybody reproduces them from the file, and a perfect model scores exactly zero.
+alike, so that they can be reproduced from the file, and a perfect model scores exactly zero.
 """
 
 from collections.abc import Iterable, Mapping
@@ -20,7 +20,7 @@ from granbench.benchmark.predictions_check import (
     check_labels,
     check_variables,
 )
-from granbench.benchmark.registry import axes, layout
+from granbench.benchmark.registry import axes, layout, of_every_axis
 from granbench.errors import ConfigurationError, SubmissionError
 from granbench.files.bounded_reading import prepare_server, read_bounded
 from granbench.files.netcdf_reading import open_netcdf
@@ -59,12 +59,23 @@ def is_deterministic(predictions: xr.Dataset) -> bool:
     """
     if predictions.sizes["seed"] < 2:
         return False
-    known = [answers for axis in axes() if (answers := axis.answers(predictions)) is not None]
+    known = known_answers(predictions)
     return bool(known) and all(
         np.array_equal(answers[0], other, equal_nan=True)
         for answers in known
         for other in answers[1:]
     )
+
+
+def known_answers(predictions: xr.Dataset) -> list[list[np.ndarray]]:
+    """What each seed answered on every axis where that is known, see `Axis.answers`.
+
+    Parameters
+    ----------
+    predictions : what an axis predicted, or a predictions file
+    """
+    found = of_every_axis(lambda axis: [axis.answers(predictions)])
+    return [answers for answers in found if answers is not None]
 
 
 def assembled_predictions(
@@ -151,7 +162,7 @@ def open_predictions(path: Path) -> xr.Dataset:
 
 
 def read_predictions_here(path: Path) -> xr.Dataset:
-    """As `open_predictions`, in this process.
+    """Read a predictions file in this process, otherwise as `open_predictions`.
 
     Raises
     ------

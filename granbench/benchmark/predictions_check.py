@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from granbench.benchmark.registry import axes, labels, layout
+from granbench.benchmark.registry import axes, labels, layout, of_every_axis
 from granbench.errors import SubmissionError
 from granbench.files.json_reading import parse_json_object
 
 PATH_COORDINATES = ("path_id", "specimen", "split", "loading_family")
 REMEDY = "run `granbench evaluate` again"
+UNKNOWN_REMEDY = "install the package that brings it, or evaluate again without that package"
 
 
 def check_variables(predictions: xr.Dataset, path: Path) -> None:
@@ -22,6 +23,12 @@ def check_variables(predictions: xr.Dataset, path: Path) -> None:
     SubmissionError
         Naming the file and the first variable, coordinate or attribute that is wrong.
     """
+    known = layout()
+    for name in map(str, predictions.data_vars):
+        if name not in known:
+            raise SubmissionError(
+                f"{path}: no installed package defines the variable {name!r}; {UNKNOWN_REMEDY}"
+            )
     for complaint in _complaints(predictions):
         raise SubmissionError(f"{path}: {complaint}; {REMEDY}")
     for name in (name for axis in axes() for name in axis.json_attributes):
@@ -44,13 +51,10 @@ def check_labels(predictions: xr.Dataset, path: Path) -> None:
 
 def _complaints(predictions: xr.Dataset) -> Iterator[str]:
     variables = layout()
-    for axis in axes():
-        yield from axis.file_complaints(predictions)
+    yield from of_every_axis(lambda axis: axis.file_complaints(predictions))
     for label, variable in predictions.data_vars.items():
         name = str(label)
-        if name not in variables:
-            yield f"no score is made from {name!r}"
-        elif variable.dims != variables[name].dims:
+        if variable.dims != variables[name].dims:
             yield f"{name!r} has dimensions {variable.dims}, expected {variables[name].dims}"
         elif variable.dtype.kind != "f":
             yield f"{name!r} does not hold numbers"
@@ -85,8 +89,7 @@ def _label_complaints(predictions: xr.Dataset) -> Iterator[str]:
     seeds = predictions["seed"].values
     if (seeds < 0).any() or (seeds > np.iinfo(np.int64).max).any():
         yield f"a seed is {seeds.min()}; seeds begin at 0"
-    for axis in axes():
-        yield from axis.label_complaints(predictions)
+    yield from of_every_axis(lambda axis: axis.label_complaints(predictions))
     for dim, known in labels().items():
         if dim in predictions.dims and not set(predictions[dim].values) <= set(known):
             found = ", ".join(map(str, predictions[dim].values))

@@ -27,7 +27,7 @@ class ModelView(Protocol):
 
     @property
     def seeds(self) -> tuple[int, ...]:
-        """Of the models, or of the noise."""
+        """Seeds of the models, or of the noise."""
 
     @property
     def deterministic(self) -> bool | None:

@@ -4,11 +4,15 @@ A package registers an axis under the entry-point group `granbench.axes`, and a 
 `granbench.metrics`.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import replace
 from functools import cache
+from typing import TypeVar
 
 from granbench.benchmark.axis import Axis, Part, Stored
 from granbench.benchmark.metric import Metric
+from granbench.benchmark.package_code import package_code
 from granbench.errors import ConfigurationError
 from granbench.registration import Registry
 
@@ -16,6 +20,21 @@ AXES: Registry[Axis] = Registry("granbench.axes", "axis", Axis, error=Configurat
 METRICS: Registry[Metric] = Registry(
     "granbench.metrics", "metric", Metric, error=ConfigurationError
 )
+
+Result = TypeVar("Result")
+
+_WRITTEN: dict[str, Callable[[Axis], Iterable[str]]] = {
+    "part": lambda axis: [part.name for part in axis.parts],
+    "variable": lambda axis: axis.layout,
+    "coordinate": lambda axis: axis.labels,
+}
+
+
+class _NoMore:
+    """The end of an iterator, whose results may be None."""
+
+
+_NO_MORE = _NoMore()
 
 
 @cache
@@ -25,7 +44,8 @@ def axes() -> tuple[Axis, ...]:
     Raises
     ------
     ConfigurationError
-        If there is none, what is registered is not an axis, or two axes share a name.
+        If there is none, what is registered is not an axis, or two axes share a name, a part, or a
+        variable or coordinate of the predictions file.
     """
     found = list(AXES.values())
     if not found:
@@ -37,7 +57,29 @@ def axes() -> tuple[Axis, ...]:
         raise ConfigurationError(
             f"two packages register an axis {twice[0]!r}; uninstall one of them"
         )
+    _require_own_names(found)
     return tuple(sorted(found, key=lambda axis: (axis.order, axis.name)))
+
+
+def _require_own_names(found: Sequence[Axis]) -> None:
+    """Refuse what two axes would both write: parts in the scores, variables and coordinates."""
+    for kind, names_of in _WRITTEN.items():
+        owners: dict[str, str] = {}
+        for axis in found:
+            for name in names_of(axis):
+                other = owners.setdefault(name, axis.name)
+                if other != axis.name:
+                    raise ConfigurationError(
+                        f"axis {axis.name!r} has the {kind} {name!r}, which axis {other!r} has "
+                        "too; rename it in the package that registers the axis"
+                    )
+    for axis in found:
+        for part in axis.parts:
+            if part.axis not in axis.names:
+                raise ConfigurationError(
+                    f"axis {axis.name!r}: the part {part.name!r} belongs to axis {part.axis!r}; "
+                    f"use axis={axis.names[0]!r}"
+                )
 
 
 @cache
@@ -51,7 +93,8 @@ def plugged_in_metrics() -> tuple[Metric, ...]:
     """
     found: list[Metric] = []
     known = {axis.name: axis for axis in axes()}
-    for metric in METRICS.values():
+    for point, registered in METRICS.items():
+        metric = replace(registered, package=METRICS.package(point))
         if metric.axis not in known:
             raise ConfigurationError(
                 f"metric {metric.name!r}: axis is {metric.axis!r}; use one of {', '.join(known)}"
@@ -70,6 +113,35 @@ def plugged_in_metrics() -> tuple[Metric, ...]:
 def plugged_in_axes() -> frozenset[str]:
     """Names of the axes that other packages register."""
     return frozenset(name for point in AXES if not AXES.own(point) for name in AXES[point].names)
+
+
+@cache
+def _packages_of_axes() -> dict[str, str | None]:
+    return {AXES[point].name: AXES.package(point) for point in AXES}
+
+
+def axis_code(axis: Axis) -> AbstractContextManager[None]:
+    """Calls of an axis; an exception in the code of another package becomes an error naming it.
+
+    Raises
+    ------
+    ConfigurationError
+        See `granbench.benchmark.package_code.package_code`.
+    """
+    return package_code(f"axis {axis.name!r}", _packages_of_axes().get(axis.name))
+
+
+def of_every_axis(call: Callable[[Axis], Iterable[Result]]) -> Iterator[Result]:
+    """The results of a call for every axis, in the order of the scorecard, within `axis_code`."""
+    for axis in axes():
+        with axis_code(axis):
+            results = iter(call(axis))
+        while True:
+            with axis_code(axis):
+                result = next(results, _NO_MORE)
+            if isinstance(result, _NoMore):
+                break
+            yield result
 
 
 def axis_names() -> tuple[str, ...]:
@@ -116,6 +188,16 @@ def find_metric(axis: str, name: str) -> Metric | None:
     if found is None:
         return None
     return next((metric for metric in found.metrics() if metric.is_named(name)), None)
+
+
+def is_plugged_in(axis: str, name: str) -> bool:
+    """Whether another package brings the metric of a score, or its axis.
+
+    Parameters
+    ----------
+    axis, name : as of `find_metric`
+    """
+    return axis in plugged_in_axes() or find_metric(axis, name) in plugged_in_metrics()
 
 
 def headline_axis() -> Axis:

@@ -1,10 +1,14 @@
 """`score`: every registered axis, from the predictions and the truth alone."""
 
+from collections.abc import Iterator
+from functools import partial
+
 import xarray as xr
 
+from granbench.benchmark.axis import Axis
 from granbench.benchmark.comparison import align
 from granbench.benchmark.metric import METRIC_VERSION
-from granbench.benchmark.registry import axes, find_part, plugged_in_axes
+from granbench.benchmark.registry import axes, axis_code, find_part, of_every_axis, plugged_in_axes
 from granbench.benchmark.scorecard import ALL, Curve, Scales, Score, Scorecard, rounded
 from granbench.benchmark.scored_task import ScoredPredictions, ScoredTask
 from granbench.benchmark.task import Task
@@ -37,7 +41,7 @@ def scored_predictions(
         predictions,
         ScoredTask.of(align(truth, predictions), task),
         normalisation,
-        lambda scored: all(axis.is_truth(scored) for axis in axes()),
+        lambda scored: all(of_every_axis(lambda axis: [axis.is_truth(scored)])),
     )
 
 
@@ -64,7 +68,8 @@ def score(
     """
     scored = scored_predictions(predictions, truth, normalisation, task)
     for axis in axes():
-        axis.check(scored)
+        with axis_code(axis):
+            axis.check(scored)
     splits = (*split_names(scored.records), ALL)
     std = normalisation.std
     return Scorecard(
@@ -76,13 +81,18 @@ def score(
         scores=tuple(
             _of_task(score, task)
             for split in splits
-            for axis in axes()
-            for score in axis.scores(scored, split)
+            for score in of_every_axis(partial(_scores, scored, split))
         ),
         curves=tuple(
-            curve for axis in axes() for curve in axis.curves(scored) if _is_of_task(curve, task)
+            curve
+            for curve in of_every_axis(lambda axis: axis.curves(scored))
+            if _is_of_task(curve, task)
         ),
     )
+
+
+def _scores(scored: ScoredPredictions, split: str, axis: Axis) -> Iterator[Score]:
+    return axis.scores(scored, split)
 
 
 def _of_task(score: Score, task: Task | None) -> Score:

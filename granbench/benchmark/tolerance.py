@@ -19,7 +19,7 @@ busy day, differ by a few times; ten is a claim about another model."""
 
 @dataclass(frozen=True)
 class LostTolerance:
-    """What is asked of a number where rounding decides the result, see `Axis.lost_results`.
+    """How far a number may differ where rounding decides the result, see `Axis.lost_results`.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Tolerance:
     paths : number of paths that may count in one computation and not in the other
     of_limit : share of the largest value that passes, for what has such a limit (`Part.limit`)
     clock : largest quotient of two values, for what is measured with a clock
-    lost : what is asked instead where rounding decides the result
+    lost : how far it may differ instead where rounding decides the result
     """
 
     title: str

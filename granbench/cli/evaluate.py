@@ -158,7 +158,7 @@ def evaluate(
     if as_json:
         print_json(json.loads(out.read_text(encoding="utf-8")))
     elif not quiet:
-        show(*tables(submission, others))
+        show(*tables(submission, others, axes))
         notes = json.loads(predictions.attrs.get(CELL_NOTES, "[]"))
         for text in [*notes, *shortages_of_scores(submission.scores)]:
             say(f"note: {text}")

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from granbench.benchmark.presentation import TextTable, found_scores
-from granbench.benchmark.registry import axes
+from granbench.benchmark.registry import axes, axis_code
 from granbench.benchmark.score_text import written
 from granbench.benchmark.scorecard import ALL
 
@@ -23,18 +23,24 @@ if TYPE_CHECKING:
 TIED = "≈"
 
 
-def tables(submission: "Submission", others: Sequence["Submission"]) -> Iterator[Table | Text]:
+def tables(
+    submission: "Submission", others: Sequence["Submission"], chosen: Sequence[str]
+) -> Iterator[Table | Text]:
     """Tables of each split, with the scores of other submissions, and of scores without split.
 
     Parameters
     ----------
     submission : the scored model
     others : submissions to compare with
+    chosen : names of the axes that the model was evaluated on
     """
+    shown_axes = [axis for axis in axes() if set(axis.names) & set(chosen)]
     splits = (score.split for score in submission.scores if score.split != ALL)
     for split in (*dict.fromkeys(splits), ALL):
-        for axis in axes():
-            for shown in axis.text_tables(submission, split):
+        for axis in shown_axes:
+            with axis_code(axis):
+                found = tuple(axis.text_tables(submission, split))
+            for shown in found:
                 yield Text(shown) if isinstance(shown, str) else _rich_table(shown)
             if axis.headline is not None and others:
                 yield from _beside(axis, axis.headline.metric, submission, others, split)

@@ -3,7 +3,8 @@
 import json
 from pathlib import Path
 
-from plug_in import granbench, install, scores
+import pytest
+from plug_in import granbench, install, refused, scores
 
 AXIS = '''
 """Does the stress stay where it is while nothing happens?"""
@@ -96,7 +97,94 @@ def test_an_axis_of_another_package_is_scored_shown_and_validated(tmp_path: Path
 def test_a_task_does_not_ask_for_an_axis_of_another_package(tmp_path: Path) -> None:
     """Without `--axis` the axes of the task are run, so that submissions stay comparable."""
     install(tmp_path, {"toy_axis.py": AXIS}, "granbench.axes", ENTRY_POINT)
-    words = ("evaluate", "persistence", "--task", "dem-triaxial-mini", "--quiet")
-    granbench(tmp_path, *words, "--out", "all.json")
+    words = ("evaluate", "persistence", "--task", "dem-triaxial-mini")
+    shown = granbench(tmp_path, *words, "--out", "all.json")
+    for title in ("Rest", "Embedded"):
+        assert title not in shown
     (toy, *_) = scores(tmp_path / "all.json", axis="toy")
     assert toy["status"] == "not_applicable"
+
+
+def test_a_submission_is_valid_with_and_refused_without_the_package_of_an_axis(
+    tmp_path: Path,
+) -> None:
+    bare, extended = tmp_path / "bare", tmp_path / "extended"
+    bare.mkdir()
+    install(extended, {"toy_axis.py": AXIS}, "granbench.axes", ENTRY_POINT)
+    words = ("evaluate", "persistence", "--task", "dem-triaxial-mini", "--axis", "single-step")
+    granbench(bare, *words, "--quiet", "--out", "bare.json")
+    granbench(extended, *words, "--axis", "toy", "--quiet", "--out", "run.json")
+    granbench(extended, *words, "--quiet", "--out", "not_run.json")
+    # A submission that was made before the axis was installed lacks its scores;
+    said = granbench(extended, "submission", "validate", bare / "bare.json", "--json")
+    assert json.loads(said)["valid"]
+    # one that has them cannot be checked where the axis is not installed.
+    for file, missing in (("run.json", "variable 'toy_drift'"), ("not_run.json", "axis 'toy'")):
+        error = " ".join(refused(bare, "submission", "validate", extended / file).split())
+        assert missing in error and "install the package" in error
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (('Part(name="toy"', 'Part(name="rollout"'), ("part 'rollout'", "along-paths")),
+        (('axis="toy", title="Rest"),)', 'axis="cost", title="Rest"),)'), ("'toy'", "axis 'cost'")),
+        (('{"toy_drift": Stored(', '{"stress": Stored('), ("variable 'stress'", "along-paths")),
+        (("    layout =", '    labels = {"noise": ["a"]}\n    layout ='),
+         ("coordinate 'noise'", "along-paths")),
+    ],
+    ids=["part", "axis of a part", "variable", "coordinate"],
+)  # fmt: skip
+def test_an_axis_that_uses_a_name_of_another_is_refused(tmp_path: Path, change, named) -> None:
+    install(tmp_path, {"toy_axis.py": AXIS.replace(*change)}, "granbench.axes", ENTRY_POINT)
+    error = " ".join(refused(tmp_path, "task", "info", "dem-triaxial-mini").split())
+    for words in ("axis 'toy'", *named):
+        assert words in error
+
+
+TOY = ("--task", "dem-triaxial-mini", "--axis", "toy", "--quiet", "--out", "toy.json")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "        import torch",
+        "            state = cell.initial_state(start)",
+        "        drift = np.abs(scored",
+        "        rows = np.flatnonzero(",
+    ],
+    ids=["predict", "measurement of a cell", "sample", "places"],
+)
+def test_an_exception_in_an_axis_names_its_package_and_line(tmp_path: Path, line: str) -> None:
+    indent = " " * (len(line) - len(line.lstrip()))
+    broken = AXIS.replace(line, f"{indent}1 / 0\n{line}", 1)
+    install(tmp_path, {"toy_axis.py": broken}, "granbench.axes", ENTRY_POINT)
+    error = " ".join(refused(tmp_path, "evaluate", "persistence", *TOY).split())
+    number = broken.splitlines().index(f"{indent}1 / 0") + 1
+    for words in ("axis 'toy'", "my-package", "ZeroDivisionError", f"toy_axis.py line {number}"):
+        assert words in error
+    assert "model" not in error
+
+
+def test_an_exception_in_a_cell_names_the_cell_and_not_the_axis(tmp_path: Path) -> None:
+    cell = """
+from granbench.baselines.persistence import PersistenceCell
+
+
+class Broken(PersistenceCell):
+    name = "broken"
+
+    def initial_state(self, start):
+        if len(start.stress) > 10:  # more than are checked
+            raise KeyError("fabric")
+        return super().initial_state(start)
+
+
+def cell():
+    return Broken()
+"""
+    files = {"toy_axis.py": AXIS, "broken.py": cell}
+    install(tmp_path, files, "granbench.axes", ENTRY_POINT)
+    error = " ".join(refused(tmp_path, "evaluate", "broken:cell", *TOY).split())
+    assert "cell 'broken'" in error and "broken.py line 10" in error
+    assert "my-package" not in error

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from plug_in import granbench, install, scores
+from plug_in import granbench, install, refused, scores
 
 from granbench.benchmark.registry import plugged_in_metrics
 from granbench.errors import GranbenchError
@@ -53,6 +53,40 @@ def test_a_metric_of_another_package_is_scored_shown_and_validated(tmp_path: Pat
     page = (tmp_path / "site" / "dem-triaxial-mini-1.0.0.html").read_text()
     assert '<option value="last_error_median">Error at the end</option>' in page
     assert "<dt>Error at the end</dt><dd>relative stress error at the last step" in page
+
+
+def test_a_submission_is_valid_with_and_refused_without_the_package_of_a_metric(
+    tmp_path: Path,
+) -> None:
+    bare, extended = tmp_path / "bare", tmp_path / "extended"
+    bare.mkdir()
+    install(extended, {"toy_metric.py": METRIC}, "granbench.metrics", ENTRY_POINT)
+    words = ("evaluate", "persistence", "--task", "dem-triaxial-mini", "--axis", "rollout", "-q")
+    granbench(bare, *words, "--out", "bare.json")
+    granbench(extended, *words, "--out", "extended.json")
+    # A submission that was made before the metric was installed lacks its scores;
+    said = granbench(extended, "submission", "validate", bare / "bare.json", "--json")
+    assert json.loads(said)["valid"]
+    # one that has them cannot be checked where the metric is not installed.
+    error = refused(bare, "submission", "validate", extended / "extended.json")
+    assert "metric 'last_error_median'" in error and "install the package" in error
+
+
+@pytest.mark.parametrize(
+    ("function", "exception"),
+    [("1 / 0", "ZeroDivisionError"), ("errors.relative.mean()", "IndexError")],
+    ids=["raises", "wrong shape"],
+)
+def test_an_exception_in_a_metric_names_its_package(
+    tmp_path: Path, function: str, exception: str
+) -> None:
+    broken = METRIC.replace("errors.relative[..., -1]", function)
+    install(tmp_path, {"toy_metric.py": broken}, "granbench.metrics", ENTRY_POINT)
+    words = ("evaluate", "persistence", "--task", "dem-triaxial-mini", "--axis", "rollout")
+    error = " ".join(refused(tmp_path, *words, "--out", "toy.json").split())
+    for named in ("metric 'last_error_median'", "my-package", exception):
+        assert named in error
+    assert ("toy_metric.py line 6" in error) == (exception == "ZeroDivisionError")
 
 
 @pytest.mark.parametrize(

@@ -162,7 +162,7 @@ def test_responses_that_are_not_those_of_the_benchmark_are_refused(
 def test_a_file_with_what_no_score_is_made_from_is_refused(responded, tmp_path):
     write_predictions(responded(), tmp_path / "p.nc")
     for change, complaint in (
-        (lambda p: p.assign(beauty=p["cycle_work"]), "no score is made from 'beauty'"),
+        (lambda p: p.assign(beauty=p["cycle_work"]), "variable 'beauty'"),
         (lambda p: p.assign(tension_share=p["tension_share"].astype(str)), "hold numbers"),
         (lambda p: p.assign_coords(check=["a", "b", "c", "d"]), "check may be"),
         (lambda p: p.transpose("checked_path", ...), "has dimensions"),

@@ -55,7 +55,7 @@ def number(axis: str, protocol: str, metric: str, n: int = 50) -> Score:
         (("cost", "cost", "update_seconds_100"), 11.0, 1.0, False),
         (("embedded", "embedded-implicit", "cell_speed_ratio"), 0.11, 1.0, True),
         (("cost", "cost", "update_ratio_10000"), 0.09, 1.0, False),
-        # Nobody measures these: they are counted, or read from a file.
+        # These are not measured: they are counted, or read from a file.
         (("cost", "cost", "parameters"), 1001.0, 999.0, False),
         (("cost", "cost", "training_seconds"), 2.0, 1.0, False),
     ],
@@ -118,6 +118,22 @@ def test_what_is_missing_or_foreign_is_named(row) -> None:
         compare(row.model_copy(update={"curves": ()}), again(row), "lstm.json", RESCORED)
     with pytest.raises(SubmissionError, match="curve .* is not one"):
         compare(row, again(row, curves=()), "lstm.json", RESCORED)
+
+
+@pytest.mark.parametrize("field", ["axis", "metric"])
+def test_a_score_that_no_installed_package_defines_is_named(row, field: str) -> None:
+    unknown = row.scores[0].model_copy(update={field: "beyond"})
+    claimed = row.model_copy(update={"scores": (*row.scores, unknown)})
+    with pytest.raises(SubmissionError, match=f"{field} 'beyond'"):
+        compare(claimed, again(row), "lstm.json", RESCORED)
+
+
+@pytest.mark.parametrize("field", ["protocol", "metric"])
+def test_a_curve_that_no_installed_package_defines_is_named(row, field: str) -> None:
+    unknown = row.curves[0].model_copy(update={field: "beyond"})
+    claimed = row.model_copy(update={"curves": (*row.curves, unknown)})
+    with pytest.raises(SubmissionError, match=f"{field} 'beyond'"):
+        compare(claimed, again(row), "lstm.json", RESCORED)
 
 
 @pytest.mark.parametrize("field", ["value", "low", "by_seed", "n", "unit"])

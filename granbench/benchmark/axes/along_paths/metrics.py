@@ -137,8 +137,8 @@ METRICS: tuple[Metric, ...] = (
         style="percent", tolerance=SHARE_OF_STEPS, shown=(),
     ),
 )  # fmt: skip
-"""In the order of the scorecard. Those against the recomputed truth take the ground truth along the
-noised strain (Eq 5.13) in place of the record."""
+"""The metrics in the order of the scorecard. Those against the recomputed truth take the ground
+truth along the noised strain (Eq 5.13) in place of the record."""
 
 AGAINST_NOISED_TRUTH = {
     HEADLINE: "recomputed_mse_mean",

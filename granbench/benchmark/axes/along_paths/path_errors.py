@@ -197,7 +197,7 @@ class ErrorsAgainstNoisedTruth:
     def of(
         cls, predicted: np.ndarray, true: np.ndarray, scale: np.ndarray, labels: list[str]
     ) -> "ErrorsAgainstNoisedTruth":
-        """From predicted and true stress, each (seed, path, step, component), Pa."""
+        """Compare predicted with true stress, each (seed, path, step, component), Pa."""
         # Where the ground truth itself breaks down there is nothing to compare with.
         known = np.isfinite(true).all(axis=-1)
         weight = known / np.maximum(known.sum(axis=-1, keepdims=True), 1)

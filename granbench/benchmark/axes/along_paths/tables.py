@@ -29,7 +29,7 @@ from granbench.benchmark.standard_tables import plugged_in_definitions
 
 FAILED = "failed_share"
 SMALLEST_EXPONENT = -300
-"""Of a power of ten that both ends of an interval are divided by."""
+"""Smallest exponent of a power of ten that both ends of an interval are divided by."""
 
 
 def text_tables(axis: Axis, model: ModelView, split: str) -> Iterator[TextTable]:

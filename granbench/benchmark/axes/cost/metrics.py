@@ -139,4 +139,4 @@ METRICS: tuple[Metric, ...] = (
         definition=_RATIO, statistic=_ratios(10_000), tolerance=CLOCK, of_truth=1.0,
     ),
 )  # fmt: skip
-"""In the order of the scorecard."""
+"""The metrics in the order of the scorecard."""

@@ -18,7 +18,7 @@ ROUNDS = 7
 """Timings of each cell, taken in turn; the fastest counts, for nothing makes a run too fast."""
 
 SECONDS = 0.03
-"""Of CPU time that one timing takes at least."""
+"""Least CPU time of one timing, s."""
 
 
 def cost(cell: MaterialCell, dataset: xr.Dataset, truth: MaterialCell | None) -> xr.Dataset:

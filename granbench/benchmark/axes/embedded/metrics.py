@@ -96,4 +96,4 @@ METRICS: tuple[Metric, ...] = (
         of_truth=1.0, tolerance=CLOCK, style="speed-up",
     ),
 )  # fmt: skip
-"""In the order of the scorecard."""
+"""The metrics in the order of the scorecard."""

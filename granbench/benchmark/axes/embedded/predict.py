@@ -47,8 +47,11 @@ CURVES = {
 TIMES = ("seconds", "cell_seconds")
 FAILURE = "failure"
 
-REPEATS, PATIENCE = 3, 2.0
-"""Number of runs of an analysis for its time, unless they take longer than this, CPU s."""
+REPEATS = 3
+"""Number of runs of an analysis for its time."""
+
+REPEAT_SECONDS = 2.0
+"""CPU time of the runs of an analysis, s, after which it is not repeated."""
 
 
 def analysis_start(cell: MaterialCell, task: ScoredTask) -> Conditions:
@@ -82,7 +85,7 @@ def embedded(cell: MaterialCell, task: ScoredTask) -> xr.Dataset:
 
 
 def embedded_truth(task: ScoredTask) -> xr.Dataset:
-    """As `embedded`, with the ground truth itself; the names begin with `embedded_truth_`.
+    """Every analysis of a task, with the ground truth: as `embedded`, named `embedded_truth_...`.
 
     Raises
     ------
@@ -119,7 +122,7 @@ def _timed(
     if solver not in analysis.solvers:
         return _without_outputs(analysis)
     runs = [_analysed(cell, analysis, solver, truth)]
-    while len(runs) < REPEATS and sum(float(run["seconds"]) for run in runs) < PATIENCE:
+    while len(runs) < REPEATS and sum(float(run["seconds"]) for run in runs) < REPEAT_SECONDS:
         runs.append(_analysed(cell, analysis, solver, truth))
     fastest = {name: min(float(run[name]) for run in runs) for name in TIMES}
     return runs[0].assign(fastest)

@@ -25,10 +25,11 @@ from granbench.benchmark.scorecard import ALL, Score
 
 
 def text_tables(axis: Axis, model: ModelView) -> Iterator[TextTable | str]:
-    """A table of analyses for each solver, or why there is none."""
+    """A table of analyses for each solver, or why there is none.
+
+    Nothing is shown of a task without analyses.
+    """
     run = [score for score in model.scores if score.axis == NAME and score.status != "not_run"]
-    if reason := next((score.reason for score in run if score.protocol == NAME), None):
-        yield f"Embedded: n/a, {reason}."
     for part in axis.parts:
         scores = [score for score in run if score.protocol == part.name]
         if not any(score.value is not None for score in scores):
@@ -59,7 +60,7 @@ def _text_cell(score: Score | None, metric: Metric) -> str:
 
 
 def board_sections(axis: Axis, board: BoardView) -> Iterator[Section]:
-    """Of each solver the reaction in every analysis and the means of every metric; error points.
+    """For each solver the reaction in every analysis, and means of the metrics; error points.
 
     Nothing where no model was evaluated on the axis, or the task has no analyses.
     """

@@ -22,10 +22,10 @@ NAME = "physics"
 TANGENT, ROTATION, COMPRESSION = "tangent", "rotation", "compression"
 
 CHECKED_PATHS = 16
-"""Of each split, or all where there are fewer."""
+"""Number of checked paths of each split; all where there are fewer."""
 
 CHECKED_STEPS = 8
-"""Of each checked path."""
+"""Number of checked steps of each checked path."""
 
 CHECKED_STRAIN = 1e-3
 """Frobenius norm of the single increments that are checked; they have the directions of the path.

@@ -64,4 +64,6 @@ METRICS: tuple[Metric, ...] = (
         of_truth=None, shown=(),
     ),
 )  # fmt: skip
-"""In the order of the scorecard. A ground truth may violate a law by what is allowed."""
+"""The metrics in the order of the scorecard.
+
+A ground truth may violate a law by what is allowed."""

@@ -39,7 +39,7 @@ def tangent_obstacle(cell: MaterialCell, dstrain: Tensor, state: Tensor) -> str 
 
     Parameters
     ----------
-    dstrain, state : of points that the cell can be asked for
+    dstrain, state : of points at which the cell can be evaluated
     """
     increment, before = dstrain[:1].to(cell.dtype), state[:1].to(cell.dtype)
     try:
@@ -68,7 +68,7 @@ def in_double_precision(cell: MaterialCell, dstrain: Tensor, state: Tensor) -> M
 
     Parameters
     ----------
-    dstrain, state : of points that the cell can be asked for
+    dstrain, state : of points at which the cell can be evaluated
     """
     if cell.dtype == torch.float64:
         return cell
@@ -81,7 +81,7 @@ def in_double_precision(cell: MaterialCell, dstrain: Tensor, state: Tensor) -> M
         if isinstance(double, torch.nn.Module):
             double.double()
         stress, _ = double.step(dstrain[:1].double(), state[:1].double())
-    except Exception:  # user code: whatever it is, it can be asked in its own precision
+    except Exception:  # user code: the cell can still be evaluated in its own precision
         return cell
     return double if stress.dtype == torch.float64 else cell
 
