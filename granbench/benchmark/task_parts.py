@@ -10,7 +10,6 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
-    StringConstraints,
     model_validator,
 )
 
@@ -20,9 +19,17 @@ TRAIN, VALIDATION, TEST, OOD = "train", "validation", "test", "ood-"
 SHOWN = 60
 """Characters of a wrong value that an error shows."""
 
-Line = Annotated[
-    str, StringConstraints(min_length=1, max_length=400, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")
-]
+LONGEST_LINE = 400
+
+
+def _line(text: str) -> str:
+    if not text:
+        raise ValueError("is empty; give a text")
+    if len(text) > LONGEST_LINE:
+        raise ValueError(f"has more than {LONGEST_LINE} characters; shorten it")
+    if re.search(r"[\x00-\x1f\x7f-\x9f]", text):
+        raise ValueError("has a line break or another control character; write it on one line")
+    return text
 
 
 def _some(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -43,6 +50,7 @@ def _sha256(value: object) -> object:
     raise ValueError("is not a SHA-256 hash; give its 64 digits and letters a to f, in quotes")
 
 
+Line = Annotated[str, AfterValidator(_line)]
 Names = Annotated[tuple[Line, ...], AfterValidator(_some)]
 Sha256 = Annotated[str, BeforeValidator(_sha256)]
 Version = Annotated[str, BeforeValidator(_version)]

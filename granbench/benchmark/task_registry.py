@@ -206,7 +206,7 @@ def _parsed(path: Path) -> Task:
             f"{path}: is not YAML{where} ({error.problem}); correct the file"
         ) from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())[:200]
+        reason = " ".join(str(error).replace('in "<unicode string>", ', "at ").split())[:200]
         raise RegistryError(f"{path}: is not YAML ({reason}); correct the file") from error
     except OSError as error:
         raise RegistryError(

@@ -192,8 +192,12 @@ SPOILED: dict[str, tuple[Callable[[dict], object], str]] = {
     "no axes": (lambda task: task.update(axes=[]), "axes.*empty"),
     "no training split": (lambda task: task["splits"].update(training=[]),
                           r"splits\.training.*empty"),
+    "no solver": (lambda task: task["analyses"][0].update(solvers=[]),
+                  r"analyses\.0\.solvers.*empty"),
+    "one name in place of a list": (lambda task: task.update(axes="rollout"), "axes.*list"),
+    "a summary of two lines": (lambda task: task.update(summary="a\nb"), "summary.*line"),
     "no name": (lambda task: task.update(id="My Task"), "id"),
-    "not a mapping": (lambda task: task.clear(), "toy.yaml"),
+    "not a mapping": (lambda task: task.clear(), "id"),
 }  # fmt: skip
 
 
