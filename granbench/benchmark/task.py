@@ -18,6 +18,7 @@ from pydantic import ValidationError, model_validator
 from granbench.benchmark.axis import Axis
 from granbench.benchmark.predictions import evaluated
 from granbench.benchmark.registry import axes, axes_for, axis_names, chosen_axes, plugged_in_axes
+from granbench.benchmark.task_context import context_of, unused_context
 from granbench.benchmark.task_parts import (
     OOD,
     TEST,
@@ -37,7 +38,7 @@ from granbench.data.splits import MissingSplitError, split_names
 from granbench.errors import ConfigurationError, DatasetError
 from granbench.fem.statement import EmbeddedAnalysis
 from granbench.files.validation import first_fault
-from granbench.records.schema import GROUND_TRUTH, INTERNALS
+from granbench.records.schema import GROUND_TRUTH
 
 FIRST_VERSION = "1.0.0"
 
@@ -190,7 +191,7 @@ class Task(TaskPart):
                     f"task {self.id}: training_data: {data.dataset} {data.version} has no split "
                     f"{missing[0]!r}; it has {', '.join(split_names(records))}"
                 )
-        unused = self._unused_context(records)
+        unused = unused_context(records, self.context, self.id)
         found = records.drop_vars(unused)
         if set(roles) != set(split):
             found = found.isel(path=np.flatnonzero(np.isin(split, list(roles))))
@@ -270,21 +271,6 @@ class Task(TaskPart):
                     "give the dataset that the task names, or correct the task"
                 )
 
-    def _unused_context(self, records: xr.Dataset) -> list[str]:
-        """Constants of the specimen that the records have and the context does not list."""
-        given = context_of(records)
-        if missing := [name for name in self.context if name not in given]:
-            raise DatasetError(
-                f"task {self.id}: context: {self.dataset.name} has no {missing[0]!r} at the start "
-                f"of a path; it has {', '.join(given)}"
-            )
-        left_out = [name for name in given if name not in self.context]
-        if always := [name for name in left_out if name not in records.coords or _starts(name)]:
-            raise DatasetError(
-                f"task {self.id}: context: lacks {always[0]!r}, which every model is given; add it"
-            )
-        return left_out
-
 
 def axes_with_analyses(among: Iterable[Axis] | None = None) -> list[str]:
     """Names of the axes that need analyses.
@@ -306,24 +292,6 @@ def with_ground_truth(records: xr.Dataset, task: Task | None) -> xr.Dataset:
     without = records.copy()
     without.attrs.pop(GROUND_TRUTH, None)
     return without
-
-
-def context_of(records: xr.Dataset) -> tuple[str, ...]:
-    """Quantities that records give to a model at the start of a path."""
-    from granbench.data.adapters import SPECIMEN_SCALARS
-
-    void_ratio = ["initial_void_ratio"] if "void_ratio" in records else []
-    return (
-        "stress",
-        "initial_mean_stress",
-        *void_ratio,
-        *(name for name in INTERNALS if name in records),
-        *(name for name in SPECIMEN_SCALARS if name in records.coords),
-    )
-
-
-def _starts(name: str) -> bool:
-    return name.startswith("initial_")
 
 
 def _ground_truth_of(records: xr.Dataset) -> dict[str, Any]:

@@ -24,30 +24,32 @@ LONGEST_LINE = 400
 
 def _line(text: str) -> str:
     if not text:
-        raise ValueError("is empty; give a text")
+        raise ValueError("the text is empty; write one")
     if len(text) > LONGEST_LINE:
-        raise ValueError(f"has more than {LONGEST_LINE} characters; shorten it")
+        raise ValueError(f"the text has more than {LONGEST_LINE} characters; shorten it")
     if re.search(r"[\x00-\x1f\x7f-\x9f]", text):
-        raise ValueError("has a line break or another control character; write it on one line")
+        raise ValueError(
+            "the text has a line break or another control character; write it on one line"
+        )
     return text
 
 
 def _some(names: tuple[str, ...]) -> tuple[str, ...]:
     if not names:
-        raise ValueError("is empty; list at least one name")
+        raise ValueError("the list is empty; add at least one name")
     return names
 
 
 def _version(value: object) -> object:
     if isinstance(value, str) and re.fullmatch(r"[0-9]+\.[0-9]+\.[0-9]+", value):
         return value
-    raise ValueError(f"is {str(value)[:SHOWN]!r}; give three numbers, such as 1.0.0")
+    raise ValueError(f"{str(value)[:SHOWN]!r} must be three numbers, such as 1.0.0")
 
 
 def _sha256(value: object) -> object:
     if isinstance(value, str) and re.fullmatch(r"[0-9a-f]{64}", value):
         return value
-    raise ValueError("is not a SHA-256 hash; give its 64 digits and letters a to f, in quotes")
+    raise ValueError("must be the 64 digits and letters (a to f) of a SHA-256 hash, in quotes")
 
 
 Line = Annotated[str, AfterValidator(_line)]

@@ -12,7 +12,8 @@ from plug_in import granbench, install
 
 from granbench.benchmark.axes.embedded.metrics import NAME as EMBEDDED
 from granbench.benchmark.registry import axis_names
-from granbench.benchmark.task import Task, context_of
+from granbench.benchmark.task import Task
+from granbench.benchmark.task_context import context_of
 from granbench.benchmark.task_registry import (
     TASK_FOLDER,
     find_task,
