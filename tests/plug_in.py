@@ -38,6 +38,13 @@ def granbench(folder: Path, *words: object) -> str:
     return done.stdout
 
 
+def noted(folder: Path, *words: object) -> tuple[str, list[str]]:
+    """Output of a command of GranBench that succeeds, and its notes on standard error."""
+    done = _run(folder, "-m", "granbench", *words)
+    assert done.returncode == 0, done.stderr
+    return done.stdout, [line for line in done.stderr.splitlines() if line.startswith("note: ")]
+
+
 def refused(folder: Path, *words: object) -> str:
     """The error of a command that GranBench refuses, run as `granbench` runs one."""
     done = _run(folder, "-m", "granbench", *words)

@@ -82,6 +82,16 @@ def _require_own_names(found: Sequence[Axis]) -> None:
                 )
 
 
+def axes_for(names: Iterable[str]) -> tuple[Axis, ...]:
+    """The axes of GranBench where they have all the names, else every registered axis.
+
+    A broken axis of another package then affects only what names an axis of another package.
+    """
+    found = (AXES[point] for point in AXES if AXES.own(point))
+    own = tuple(sorted(found, key=lambda axis: (axis.order, axis.name)))
+    return own if set(names) <= {name for axis in own for name in axis.names} else axes()
+
+
 @cache
 def plugged_in_metrics() -> tuple[Metric, ...]:
     """The metrics that other packages register, by name.

@@ -7,15 +7,18 @@ several tasks. `granbench.benchmark.task_registry.find_task` finds a task by its
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from pydantic import ValidationError, model_validator
 
+from granbench.benchmark.axis import Axis
 from granbench.benchmark.predictions import evaluated
-from granbench.benchmark.registry import axes, axis_names, chosen_axes, plugged_in_axes
+from granbench.benchmark.registry import axes, axes_for, axis_names, chosen_axes, plugged_in_axes
+from granbench.benchmark.task_context import context_of, unused_context
 from granbench.benchmark.task_parts import (
     OOD,
     TEST,
@@ -31,11 +34,11 @@ from granbench.benchmark.task_parts import (
     Version,
 )
 from granbench.data.normalisation import Normalisation
-from granbench.data.splits import split_names
+from granbench.data.splits import MissingSplitError, split_names
 from granbench.errors import ConfigurationError, DatasetError
 from granbench.fem.statement import EmbeddedAnalysis
 from granbench.files.validation import first_fault
-from granbench.records.schema import GROUND_TRUTH, INTERNALS
+from granbench.records.schema import GROUND_TRUTH
 
 FIRST_VERSION = "1.0.0"
 
@@ -70,10 +73,11 @@ class Task(TaskPart):
 
     @model_validator(mode="after")
     def _check(self) -> "Task":
-        known = axis_names()
+        needed = axes_for(self.axes)
+        known = [name for axis in needed for name in axis.names]
         if unknown := [name for name in self.axes if name not in known]:
             raise ValueError(f"axes: unknown axis {unknown[0]!r}; use {', '.join(known)}")
-        analysed = axes_with_analyses()
+        analysed = axes_with_analyses(needed)
         if any(name in self.axes for name in analysed) != bool(self.analyses):
             raise ValueError(
                 f"axes and analyses: the axis {', '.join(analysed)} needs analyses, and analyses "
@@ -89,6 +93,12 @@ class Task(TaskPart):
                 "analyses: outputs and points must be the same for all, because the results are "
                 "stored in one array"
             )
+        for at, data in enumerate(self.training_data):
+            scored = [name for name in data.splits if name in self.splits.scored]
+            if data.dataset == self.dataset.name and scored:
+                raise ValueError(
+                    f"training_data.{at}.splits: models are scored on {scored[0]!r}; leave it out"
+                )
         return self
 
     @classmethod
@@ -174,7 +184,14 @@ class Task(TaskPart):
                     f"task {self.id}: splits: {self.dataset.name} {self.dataset.version} has no "
                     f"split {name!r}; it has {', '.join(split_names(records))}"
                 )
-        unused = self._unused_context(records)
+        for data in self.training_data:
+            own = (data.dataset, data.version) == (self.dataset.name, self.dataset.version)
+            if own and (missing := [name for name in data.splits if name not in split]):
+                raise DatasetError(
+                    f"task {self.id}: training_data: {data.dataset} {data.version} has no split "
+                    f"{missing[0]!r}; it has {', '.join(split_names(records))}"
+                )
+        unused = unused_context(records, self.context, self.id)
         found = records.drop_vars(unused)
         if set(roles) != set(split):
             found = found.isel(path=np.flatnonzero(np.isin(split, list(roles))))
@@ -216,6 +233,25 @@ class Task(TaskPart):
         seen = np.isin(view["split"].values.astype(str), (TRAIN, VALIDATION))
         return view.isel(path=np.flatnonzero(seen))
 
+    @contextmanager
+    def naming_missing_splits(self) -> Iterator[None]:
+        """Say that the task lists no split for validation where training fails without one.
+
+        Raises
+        ------
+        DatasetError
+            In place of the error about the dataset.
+        """
+        try:
+            yield
+        except MissingSplitError as error:
+            if error.split != VALIDATION or self.splits.validation:
+                raise
+            raise DatasetError(
+                f"task {self.id}: splits.validation is empty, but this model is trained with a "
+                "validation split; list one in the task"
+            ) from error
+
     def normalisation(self, records: xr.Dataset) -> Normalisation:
         """Means and standard deviations of the training splits of the whole dataset."""
         return Normalisation.from_training(self.view(records))
@@ -235,25 +271,16 @@ class Task(TaskPart):
                     "give the dataset that the task names, or correct the task"
                 )
 
-    def _unused_context(self, records: xr.Dataset) -> list[str]:
-        """Constants of the specimen that the records have and the context does not list."""
-        given = context_of(records)
-        if missing := [name for name in self.context if name not in given]:
-            raise DatasetError(
-                f"task {self.id}: context: {self.dataset.name} has no {missing[0]!r} at the start "
-                f"of a path; it has {', '.join(given)}"
-            )
-        left_out = [name for name in given if name not in self.context]
-        if always := [name for name in left_out if name not in records.coords or _starts(name)]:
-            raise DatasetError(
-                f"task {self.id}: context: lacks {always[0]!r}, which every model is given; add it"
-            )
-        return left_out
 
+def axes_with_analyses(among: Iterable[Axis] | None = None) -> list[str]:
+    """Names of the axes that need analyses.
 
-def axes_with_analyses() -> list[str]:
-    """Names of the axes that need analyses."""
-    return [name for axis in axes() if axis.needs_analyses for name in axis.names]
+    Parameters
+    ----------
+    among : axes to search; None for all that are registered
+    """
+    searched = axes() if among is None else among
+    return [name for axis in searched if axis.needs_analyses for name in axis.names]
 
 
 def with_ground_truth(records: xr.Dataset, task: Task | None) -> xr.Dataset:
@@ -265,24 +292,6 @@ def with_ground_truth(records: xr.Dataset, task: Task | None) -> xr.Dataset:
     without = records.copy()
     without.attrs.pop(GROUND_TRUTH, None)
     return without
-
-
-def context_of(records: xr.Dataset) -> tuple[str, ...]:
-    """Quantities that records give to a model at the start of a path."""
-    from granbench.data.adapters import SPECIMEN_SCALARS
-
-    void_ratio = ["initial_void_ratio"] if "void_ratio" in records else []
-    return (
-        "stress",
-        "initial_mean_stress",
-        *void_ratio,
-        *(name for name in INTERNALS if name in records),
-        *(name for name in SPECIMEN_SCALARS if name in records.coords),
-    )
-
-
-def _starts(name: str) -> bool:
-    return name.startswith("initial_")
 
 
 def _ground_truth_of(records: xr.Dataset) -> dict[str, Any]:

@@ -1,20 +1,61 @@
 """Parts of a task: its dataset, its splits, its ground truth, and what it may be trained on."""
 
 import json
+import re
 from collections.abc import Mapping
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    model_validator,
+)
 
 TRAIN, VALIDATION, TEST, OOD = "train", "validation", "test", "ood-"
 """Names of the splits in `Task.view`; a split out of distribution begins with the last one."""
 
-Line = Annotated[
-    str, StringConstraints(min_length=1, max_length=400, pattern=r"^[^\x00-\x1f\x7f-\x9f]+$")
-]
-Names = Annotated[tuple[Line, ...], Field(min_length=1)]
-Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
-Version = Annotated[str, StringConstraints(pattern=r"^\d+\.\d+\.\d+$")]
+SHOWN = 60
+"""Characters of a wrong value that an error shows."""
+
+LONGEST_LINE = 400
+
+
+def _line(text: str) -> str:
+    if not text:
+        raise ValueError("the text is empty; write one")
+    if len(text) > LONGEST_LINE:
+        raise ValueError(f"the text has more than {LONGEST_LINE} characters; shorten it")
+    if re.search(r"[\x00-\x1f\x7f-\x9f]", text):
+        raise ValueError(
+            "the text has a line break or another control character; write it on one line"
+        )
+    return text
+
+
+def _some(names: tuple[str, ...]) -> tuple[str, ...]:
+    if not names:
+        raise ValueError("the list is empty; add at least one name")
+    return names
+
+
+def _version(value: object) -> object:
+    if isinstance(value, str) and re.fullmatch(r"[0-9]+\.[0-9]+\.[0-9]+", value):
+        return value
+    raise ValueError(f"{str(value)[:SHOWN]!r} must be three numbers, such as 1.0.0")
+
+
+def _sha256(value: object) -> object:
+    if isinstance(value, str) and re.fullmatch(r"[0-9a-f]{64}", value):
+        return value
+    raise ValueError("must be the 64 digits and letters (a to f) of a SHA-256 hash, in quotes")
+
+
+Line = Annotated[str, AfterValidator(_line)]
+Names = Annotated[tuple[Line, ...], AfterValidator(_some)]
+Sha256 = Annotated[str, BeforeValidator(_sha256)]
+Version = Annotated[str, BeforeValidator(_version)]
 
 
 class TaskPart(BaseModel):
@@ -45,7 +86,8 @@ class Splits(TaskPart):
     Parameters
     ----------
     training, validation : for the weights, and for the choice among trained models
-    test, ood : for the scores: paths of the kind that was trained on, and of other kinds
+    test, ood : for the scores: paths of the kind that was trained on, and of other kinds; one of
+        the two may be empty
     """
 
     training: Names
@@ -95,7 +137,9 @@ class TruthModel(TaskPart):
 
     def as_attribute(self) -> str:
         """The text of the attribute `ground_truth` of a dataset."""
-        return json.dumps(self.model_dump(mode="json", exclude_defaults=True))
+        content = self.model_dump(mode="json", exclude_defaults=True)
+        content.setdefault("parameters", {})
+        return json.dumps(content)
 
 
 class TrainingData(TaskPart):

@@ -7,7 +7,7 @@ point of the group `granbench.tasks`, whose value is a package with YAML files i
     my-tasks = "my_package.tasks"
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
@@ -19,7 +19,13 @@ import yaml
 from pydantic import ValidationError
 
 from granbench.benchmark.task import Task
-from granbench.data.registry import REGISTRY_FOLDER, RegistryEntry, entries
+from granbench.benchmark.task_check import (
+    registered_dataset,
+    require_models_and_splits,
+    require_own_id,
+    require_registered_dataset,
+)
+from granbench.data.registry import REGISTRY_FOLDER
 from granbench.data.store import REGISTERED_NAME, dataset_file, local_file
 from granbench.data.verification import task_file
 from granbench.errors import DatasetError, GranbenchError, RegistryError, alternatives
@@ -44,7 +50,23 @@ def registered_tasks() -> list[Task]:
         If a YAML file is damaged, two have the same name and version, or another package uses the
         name of a task of GranBench.
     """
-    return _ordered((*_own_files(), *_plugin_files()))
+    tasks, faults = readable_tasks()
+    if faults:
+        raise faults[0]
+    return tasks
+
+
+def readable_tasks() -> tuple[list[Task], list[GranbenchError]]:
+    """The registered tasks that can be read, and why the others cannot.
+
+    Returns
+    -------
+    tasks : every version, by name, the newest version first
+    faults : one error for each file and each package of tasks that cannot be read
+    """
+    brought, faults = _plugin_files()
+    tasks, more = _ordered((*_own_files(), *brought))
+    return tasks, faults + more
 
 
 def registered_task(name: str, version: str | None = None) -> Task:
@@ -58,14 +80,16 @@ def registered_task(name: str, version: str | None = None) -> Task:
     Raises
     ------
     RegistryError
-        If no package registers it; the text names similar ones.
+        If no package registers it; the text names similar ones, and what could not be read.
     """
-    own = [task for task in _ordered(_own_files()) if task.id == name]
-    known = own or registered_tasks()
+    known, faults = _ordered(_own_files())
+    if name not in {task.id for task in known}:
+        known, faults = readable_tasks()
     named = [task for task in known if task.id == name]
     if not named:
         names = list(dict.fromkeys(task.id for task in known))
-        raise RegistryError(f"unknown task {name!r}: {alternatives(name, names)}")
+        unread = "".join(f"; not read: {fault}" for fault in faults)
+        raise RegistryError(f"unknown task {name!r}: {alternatives(name, names)}{unread}")
     for task in named:
         if version in (None, task.version):
             return task
@@ -85,17 +109,18 @@ def find_task(name_or_file: str) -> Task:
     Raises
     ------
     RegistryError
-        If the name is unknown, or the YAML file is damaged or names a dataset that is not
-        registered; the text names the file and the field.
+        If the name is unknown; if the YAML file is damaged, names a dataset, split or model that
+        there is not, or has the id of a registered task and another content. The text names the
+        file and the field.
     DatasetError
         If there is no such file, or it holds no records.
     """
     path = Path(name_or_file)
     if path.is_file():
-        return read_task(path) if path.suffix in YAML else _task_of_records(path)
+        return _task_of_user(path) if path.suffix in YAML else _task_of_records(path)
     name, _, version = name_or_file.partition("@")
     # A folder of that name, as `granbench generate` leaves behind, does not hide the task.
-    if path.is_dir() and name not in {task.id for task in registered_tasks()}:
+    if path.is_dir() and name not in {task.id for task in readable_tasks()[0]}:
         raise DatasetError(f"{name_or_file}: is a folder; give a task's YAML file or a netCDF file")
     if not REGISTERED_NAME.fullmatch(name_or_file):
         raise DatasetError(
@@ -111,9 +136,11 @@ def read_task(path: Path) -> Task:
     Raises
     ------
     RegistryError
-        If the file is damaged, or its dataset is not registered; the text names the field.
+        If the file is damaged, or names a dataset, split or model that there is not; the text
+        names the field. The tasks of GranBench itself are compared with their records by its tests.
     """
     task = _parsed(path)
+    own = path.parent == TASK_FOLDER
     if task.dataset.file is not None:
         file = path.parent / task.dataset.file
         if not file.is_file():
@@ -121,8 +148,11 @@ def read_task(path: Path) -> Task:
                 f"{path}: dataset.file: there is no {file}; put it beside the task's file"
             )
         dataset = task.dataset.model_copy(update={"file": str(file)})
-        return task.model_copy(update={"dataset": dataset})
-    _require_registered(task, path)
+        task = task.model_copy(update={"dataset": dataset})
+    else:
+        require_registered_dataset(task, path)
+    if not own:
+        require_models_and_splits(task, path)
     return task
 
 
@@ -151,7 +181,7 @@ def task_records(task: Task) -> xr.Dataset:
 @contextmanager
 def records_at_hand(task: Task) -> Iterator[xr.Dataset | None]:
     """The whole dataset of a task if it is on this machine, else None; nothing is fetched."""
-    entry = _entry(task)
+    entry = registered_dataset(task.dataset.name, task.dataset.version)
     if task.dataset.file is None and (entry is None or local_file(entry) is None):
         yield None
         return
@@ -168,10 +198,16 @@ def _parsed(path: Path) -> Task:
         fields: Any = yaml.safe_load(path.read_text(encoding="utf-8"))
         task = Task.model_validate(fields)
     except ValidationError as error:
-        raise RegistryError(f"{path}: {first_fault(error)}; correct the task") from error
+        raise RegistryError(f"{path}: {first_fault(error)}") from error
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        where = "" if mark is None else f" in line {mark.line + 1}, column {mark.column + 1}"
+        raise RegistryError(
+            f"{path}: is not YAML{where} ({error.problem}); correct the file"
+        ) from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise RegistryError(f"{path}: is not YAML ({reason}); correct the task") from error
+        reason = " ".join(str(error).replace('in "<unicode string>", ', "at ").split())[:200]
+        raise RegistryError(f"{path}: is not YAML ({reason}); correct the file") from error
     except OSError as error:
         raise RegistryError(
             f"{path}: cannot be read ({error.strerror or error}); check the file"
@@ -183,81 +219,78 @@ def _parsed(path: Path) -> Task:
     return task
 
 
-def _require_registered(task: Task, path: Path) -> None:
-    entry = _entry(task)
-    if entry is None:
-        registered = [known for known in entries() if known.id == task.dataset.name]
-        versions = ", ".join(known.version for known in registered)
-        field = f"dataset.version: {task.dataset.name} has" if registered else "dataset.name:"
-        there = (
-            f"versions {versions}, not {task.dataset.version!r}"
-            if registered
-            else f"{task.dataset.name!r} is not registered"
-        )
-        raise RegistryError(
-            f"{path}: {field} {there}; use a dataset of `granbench data list`, or give the netCDF "
-            "file beside the task as dataset.file"
-        )
-    if entry.content_sha256 != task.dataset.content_sha256:
-        raise RegistryError(
-            f"{path}: dataset.content_sha256 is {task.dataset.content_sha256[:12]}..., but that of "
-            f"{entry.id} {entry.version} is {entry.content_sha256}; correct the task"
-        )
-
-
-def _entry(task: Task) -> RegistryEntry | None:
-    wanted = (task.dataset.name, task.dataset.version)
-    return next((known for known in entries() if (known.id, known.version) == wanted), None)
+def _task_of_user(path: Path) -> Task:
+    task = read_task(path)
+    if path.resolve().parent != TASK_FOLDER.resolve():
+        require_own_id(task, path, readable_tasks()[0])
+    return task
 
 
 def _task_of_records(path: Path) -> Task:
     with open_records(task_file(str(path))) as records:
         alone = Task.of_records(records, str(path))
-    for task in registered_tasks():
+    for task in readable_tasks()[0]:
         here = task.dataset.model_copy(update={"file": str(path)})
         if task.id == alone.id and here == alone.dataset:
             return task.model_copy(update={"dataset": here})
     return alone
 
 
-def _ordered(paths: Iterable[Path]) -> list[Task]:
-    """The tasks of YAML files, by name, the newest version first."""
+def _ordered(paths: Iterable[Path]) -> tuple[list[Task], list[GranbenchError]]:
+    """The tasks of YAML files, by name, the newest version first, and why others are left out."""
     found: dict[tuple[str, str], tuple[Task, Path]] = {}
-    own = set()
+    faults: list[GranbenchError] = []
     for path in paths:
-        task = read_task(path)
-        if path.parent == TASK_FOLDER:
-            own.add(task.id)
-        elif task.id in own:
-            raise RegistryError(
-                f"{path}: id: {task.id!r} is the name of a task of GranBench; give it another id"
-            )
-        key = (task.id, task.version)
-        if key in found:
-            raise RegistryError(
-                f"{path}: task {task.id} {task.version} is registered already, by "
-                f"{found[key][1]}; give it another id or version"
-            )
-        found[key] = (task, path)
+        try:
+            task = read_task(path)
+            _require_free_name(task, path, found)
+        except GranbenchError as error:
+            faults.append(error)
+        else:
+            found[task.id, task.version] = (task, path)
     newest_first = sorted((task for task, _ in found.values()), key=_release, reverse=True)
-    return sorted(newest_first, key=lambda task: task.id)
+    return sorted(newest_first, key=lambda task: task.id), faults
+
+
+def _require_free_name(
+    task: Task, path: Path, found: Mapping[tuple[str, str], tuple[Task, Path]]
+) -> None:
+    own = {known.id for known, file in found.values() if file.parent == TASK_FOLDER}
+    if path.parent != TASK_FOLDER and task.id in own:
+        raise RegistryError(
+            f"{path}: id: {task.id!r} is the name of a task of GranBench; give it another id"
+        )
+    if (task.id, task.version) in found:
+        _, other = found[task.id, task.version]
+        raise RegistryError(
+            f"{path}: task {task.id} {task.version} is registered already, by {other}; give it "
+            "another id or version"
+        )
 
 
 def _own_files() -> list[Path]:
     return sorted(TASK_FOLDER.glob("*.yaml"))
 
 
-def _plugin_files() -> Iterator[Path]:
-    """The task files of other packages."""
-    for name, package in TASK_PACKAGES.items():
+def _plugin_files() -> tuple[list[Path], list[GranbenchError]]:
+    """The task files of other packages, and why some packages have none that can be read."""
+    found: list[Path] = []
+    faults: list[GranbenchError] = []
+    for name in TASK_PACKAGES:
         try:
+            package = TASK_PACKAGES[name]
             items = list(files(package).iterdir())
+        except GranbenchError as error:
+            faults.append(error)
         except (OSError, TypeError, ValueError) as error:
-            raise RegistryError(
-                f"package of tasks {name!r}: {package.__name__} is not a package with YAML files "
-                f"({error}); correct or uninstall it"
-            ) from error
-        yield from sorted(Path(str(item)) for item in items if item.name.endswith(YAML))
+            fault = RegistryError(
+                f"package of tasks {name!r}: {package.__name__} is not a package with YAML "
+                f"files ({error}); correct or uninstall it"
+            )
+            faults.append(fault)
+        else:
+            found += sorted(Path(str(item)) for item in items if item.name.endswith(YAML))
+    return found, faults
 
 
 def _release(task: Task) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from granbench.benchmark.bootstrap import MINIMUM_SPECIMENS
-from granbench.benchmark.registry import headline_axis
+from granbench.benchmark.registry import axes_for, headline_axis
 from granbench.benchmark.scorecard import ALL, Score
 from granbench.benchmark.task import Task, axes_with_analyses
 
@@ -46,7 +46,7 @@ def shortages_of_task(task: Task, sizes: Mapping[str, SplitSize]) -> list[str]:
         for name in task.splits.scored
         if name in sizes and sizes[name].specimens < MINIMUM_SPECIMENS
     ]
-    return _sentences(few, len(task.analyses))
+    return _sentences(few, len(task.analyses), axes_with_analyses(axes_for(task.axes)))
 
 
 def shortages_of_scores(scores: Iterable[Score]) -> list[str]:
@@ -62,17 +62,17 @@ def shortages_of_scores(scores: Iterable[Score]) -> list[str]:
                 splits[score.split] = score.low is None
             if score.axis in analysed:
                 analyses = max(analyses, score.n)
-    return _sentences([name for name, missing in splits.items() if missing], analyses)
+    return _sentences([name for name, missing in splits.items() if missing], analyses, analysed)
 
 
-def _sentences(few: Sequence[str], analyses: int) -> list[str]:
+def _sentences(few: Sequence[str], analyses: int, analysed: Sequence[str]) -> list[str]:
     found = [
         f"split {name} has fewer than {MINIMUM_SPECIMENS} specimens: its scores have no interval"
         for name in few
     ]
     if 0 < analyses < MINIMUM_ANALYSES:
         which = "one analysis" if analyses == 1 else f"{analyses} analyses"
-        axis = ", ".join(axes_with_analyses())
+        axis = ", ".join(analysed)
         found.append(
             f"the axis {axis} has {which}, fewer than {MINIMUM_ANALYSES}: its means say little of "
             "other problems"

@@ -15,7 +15,7 @@ def with_cheap_tangent(cell: MaterialCell) -> MaterialCell:
 
 
 @final
-class DifferenceTangent(CellWrapper):
+class DifferenceTangent(CellWrapper, same_model=True):
     """A cell whose tangent is made of one-sided differences, computed together with its step.
 
     Automatic differentiation of a substepped model costs several steps. Here copies of the points,

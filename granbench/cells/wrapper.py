@@ -1,10 +1,17 @@
 """A cell that passes everything on to another one, as the base of cells that change one thing."""
 
+import inspect
 from typing import Any
 
 from torch import Tensor
 
 from granbench.cells.contract import CONTRACT_ATTRIBUTES, Conditions, History, MaterialCell
+
+_FOLLOWS = {
+    "initial_state": ("condition", "condition_each"),
+    "step": ("tangent", "condition", "condition_each"),
+}
+"""Methods of `MaterialCell` that are made of a method, by its name."""
 
 
 class CellWrapper(MaterialCell):
@@ -13,6 +20,15 @@ class CellWrapper(MaterialCell):
     A subclass overrides only what it changes. Whatever `MaterialCell` declares is forwarded: its
     attributes are looked up in the wrapped cell whenever they are read, so that one which changes
     there changes here, unless they are set in the wrapper itself or in its class.
+
+    A subclass that overrides `step` is another model. What follows from the steps is then made of
+    its own steps, unless the subclass overrides that too: `tangent`, `condition` and
+    `condition_each` are those of `MaterialCell`, and the name is that of the wrapped cell followed
+    by that of the class, such as ``j2 + HalfSteps``. With `initial_state` the conditioning changes
+    as well. A wrapper that only counts, times or rearranges the calls says so, and everything is
+    forwarded::
+
+        class Counted(CellWrapper, same_model=True): ...
 
     Parameters
     ----------
@@ -23,6 +39,17 @@ class CellWrapper(MaterialCell):
     wrapped : the cell itself
     """
 
+    def __init_subclass__(cls, *, same_model: bool = False) -> None:
+        super().__init_subclass__()
+        if same_model:
+            return
+        for changed, follow in _FOLLOWS.items():
+            for name in follow:
+                if changed in vars(cls) and name not in vars(cls):
+                    setattr(cls, name, getattr(MaterialCell, name))
+        if "step" in vars(cls) and isinstance(inspect.getattr_static(cls, "name"), _Forwarded):
+            setattr(cls, "name", _NameWithClass(cls.__name__))  # noqa: B010
+
     def __init__(self, cell: MaterialCell) -> None:
         self.wrapped = cell
 
@@ -31,7 +58,7 @@ class CellWrapper(MaterialCell):
         """See `MaterialCell.has_own_tangent`."""
         if type(self).tangent is CellWrapper.tangent:
             return self.wrapped.has_own_tangent
-        return True
+        return super().has_own_tangent
 
     def initial_state(self, conditions: Conditions) -> Tensor:
         """See `MaterialCell.initial_state`."""
@@ -68,6 +95,16 @@ class _Forwarded:
         if wrapper is None:
             return getattr(MaterialCell, self.name, None)
         return getattr(wrapper.wrapped, self.name)
+
+
+class _NameWithClass:
+    """The wrapped cell's name and the wrapper's class, until a name is set in the wrapper."""
+
+    def __init__(self, class_name: str) -> None:
+        self.class_name = class_name
+
+    def __get__(self, wrapper: CellWrapper | None, owner: type[CellWrapper]) -> Any:
+        return self if wrapper is None else f"{wrapper.wrapped.name} + {self.class_name}"
 
 
 for _name in CONTRACT_ATTRIBUTES:

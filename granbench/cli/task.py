@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from granbench.cli.printing import print_json, say, show
+from granbench.cli.printing import note, print_json, say, show
 from granbench.cli.shared_options import Json
 
 if TYPE_CHECKING:
@@ -19,11 +19,13 @@ app = typer.Typer(help="Tasks: list and describe what models are scored on.", no
 
 @app.command("list")
 def list_tasks(as_json: Json = False) -> None:
-    """List the registered tasks."""
-    from granbench.benchmark.task_registry import registered_tasks
+    """List the registered tasks, with a note for each that cannot be read."""
+    from granbench.benchmark.task_registry import readable_tasks
     from granbench.benchmark.task_summary import task_as_json
 
-    tasks = registered_tasks()
+    tasks, faults = readable_tasks()
+    for fault in faults:
+        note(f"not listed: {fault}")
     if as_json:
         print_json([task_as_json(task) for task in tasks])
         return

@@ -85,6 +85,7 @@ def train(
         task_records(chosen) as dataset,
         progress_bar(f"training {baseline}", 1.0, shown="share", hidden=quiet) as bar,
         _removed_if_empty(out),
+        chosen.naming_missing_splits(),
     ):
         folder = model.train(
             TrainingRequest(

@@ -15,6 +15,19 @@ FEATURE_STEPS = 61
 the distances of a thousand paths fit in a few MB."""
 
 
+class MissingSplitError(RegistryError):
+    """A dataset lacks a split.
+
+    Attributes
+    ----------
+    split : its name
+    """
+
+    def __init__(self, split: str, text: str) -> None:
+        self.split = split
+        super().__init__(text)
+
+
 def split_names(ds: xr.Dataset) -> tuple[str, ...]:
     """The splits of a dataset: train, validation, test, then the others by name."""
     known = ("train", "validation", "test")
@@ -27,14 +40,15 @@ def select_split(ds: xr.Dataset, split: str) -> xr.Dataset:
 
     Raises
     ------
-    RegistryError
+    MissingSplitError
         If the dataset has no such split; the text lists those it has.
     """
     chosen = np.flatnonzero(ds["split"].values.astype(str) == split)
     if not chosen.size:
-        raise RegistryError(
+        raise MissingSplitError(
+            split,
             f"{ds.attrs.get('dataset', 'the dataset')} has no split {split!r}; use one of "
-            f"{', '.join(split_names(ds))}"
+            f"{', '.join(split_names(ds))}",
         )
     return ds.isel(path=chosen)
 

@@ -15,8 +15,14 @@ EXPECTED = {
     "dict_type": "be an object {...}",
     "model_type": "be an object {...}",
     "dataclass_type": "be an object {...}",
+    "tuple_type": "be a list [...]",
+    "list_type": "be a list [...]",
+    "float_parsing": "be a number",
 }
 """What a value must do, by the type of pydantic's error, where pydantic names types of Python."""
+
+PATTERNS = {"^[a-z0-9][a-z0-9-]*$": "hold small letters, digits and dashes only"}
+"""What a text must do, by the pattern that it has to match."""
 
 LONGEST_NAME, LONGEST_VALUE = 200, 60
 """Characters of a field's name and of its value that are shown."""
@@ -47,8 +53,11 @@ def _predicate(fault: Mapping[str, Any], unknown: str) -> str:
         return "is missing; add it"
     if fault["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         return f"is unknown; {unknown}"
+    if fault["type"] == "too_short" and fault["ctx"]["min_length"] == 1:
+        return "is empty; list at least one"
     value = json.dumps(fault["input"], default=str)[:LONGEST_VALUE]
-    rule = EXPECTED.get(fault["type"])
+    pattern = fault.get("ctx", {}).get("pattern")
+    rule = EXPECTED.get(fault["type"]) or PATTERNS.get(pattern)
     if rule is None:
         sentence = re.fullmatch(r"\w+ should (.*)", fault["msg"], flags=re.DOTALL)
         if sentence is None:

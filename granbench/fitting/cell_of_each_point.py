@@ -11,7 +11,7 @@ from granbench.fitting.parameter_space import with_parameters
 from granbench.models import ClassicalCell
 
 
-class CellOfEachPoint(CellWrapper):
+class CellOfEachPoint(CellWrapper, same_model=True):
     """A classical cell with unconstrained parameters of each point.
 
     A batch may hold the points several times over, one copy of all of them after the other.

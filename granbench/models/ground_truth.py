@@ -24,7 +24,8 @@ def ground_truth_cell(records: xr.Dataset) -> ClassicalCell | None:
     Raises
     ------
     DatasetError
-        If the attribute describes no model that there is.
+        If the attribute describes no model that there is. `Task.view` sets the attribute, so that
+        the fault may be in the task.
     """
     text = records.attrs.get(GROUND_TRUTH)
     if text is None:
@@ -35,7 +36,8 @@ def ground_truth_cell(records: xr.Dataset) -> ClassicalCell | None:
     except ModelError as error:
         raise DatasetError(
             f"{records.attrs.get('dataset', 'the dataset')}: its attribute {GROUND_TRUTH!r} "
-            f"describes no model of this version ({error}); fetch or generate the dataset again"
+            f"describes no model of this version ({error}); correct ground_truth in the task's "
+            "file, or fetch or generate the dataset again"
         ) from error
 
 

@@ -11,6 +11,7 @@ from registered_cells import cell_of, record_of, rounding
 from small_cells import Persistence, secant
 
 from granbench.benchmark.axes.embedded.timed_cell import TimedCell
+from granbench.cells import check_cell
 from granbench.cells.check.probe import default_start, probe_increments
 from granbench.cells.contract import CONTRACT_ATTRIBUTES, Conditions, History, MaterialCell
 from granbench.cells.difference_tangent import DifferenceTangent
@@ -107,6 +108,87 @@ def test_every_attribute_is_that_of_the_cell(
     assert found.parameters_count() == cell.parameters_count()
     if "tangent" not in vars(wrapper):
         assert found.has_own_tangent == cell.has_own_tangent
+
+
+class HalfSteps(CellWrapper):
+    """A wrapper as docs/own_models.md describes one."""
+
+    def step(self, dstrain: torch.Tensor, state: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        return self.wrapped.step(0.5 * dstrain, state)
+
+
+@pytest.mark.parametrize("kind", [*WRAPPERS, HalfSteps], ids=lambda kind: kind.__name__)
+def test_the_tangent_belongs_to_the_step(
+    kind: type[CellWrapper], case: str, cell: MaterialCell
+) -> None:
+    record = record_of(case, cell)
+    found = wrapped_by(kind, cell)
+    state = cell.initial_state(record.conditions).detach()
+    increment = (record.strain[:, 1] - record.strain[:, 0]).to(cell.dtype)
+    if cell.reads_records:
+        pytest.skip("the oracle has a stress for the recorded strain only")
+    stress, after, tangent = found.tangent(increment, state)
+    expected = [part.detach() for part in found.step(increment, state)]
+    close(cell, stress, expected[0])
+    close(cell, after, expected[1])
+    width = 1e-6 if cell.dtype == torch.float64 else 1e-4
+    shift = torch.zeros_like(increment)
+    shift[:, 0] = width
+    forward, backward = (found.step(increment + s, state)[0] for s in (shift, -shift))
+    column = (forward - backward) / (2.0 * width)
+    difference = ((tangent[:, :, 0] - column).norm(dim=1) / column.norm(dim=1)).detach()
+    assert float(difference.median()) < 0.05
+
+
+@torch.no_grad()
+def test_a_changed_step_changes_what_is_made_of_steps(case: str, cell: MaterialCell) -> None:
+    if cell.reads_records:
+        pytest.skip("the oracle has a stress for the recorded strain only")
+    record, found = record_of(case, cell), HalfSteps(cell)
+    assert found.name == f"{cell.name} + HalfSteps"
+    assert not found.has_own_tangent
+    states = [found.initial_state(record.conditions)]
+    for step in range(1, record.strain.shape[1]):
+        increment = (record.strain[:, step] - record.strain[:, step - 1]).to(cell.dtype)
+        _, after = found.step(increment, states[-1])
+        states.append(found._with_truth(after, record, step))
+    close(cell, found.condition(record), states[-1])
+    close(cell, found.condition_each(record), torch.stack(states, dim=1))
+
+
+def test_a_changed_step_passes_the_check_without_notes() -> None:
+    half = HalfSteps(ModifiedCamClay())
+    assert check_cell(half) == ()
+
+
+def test_a_wrapper_may_have_a_name_and_a_tangent_of_its_own() -> None:
+    class Own(HalfSteps):
+        name = "own"
+
+        def step(self, dstrain, state):
+            return self.wrapped.step(0.25 * dstrain, state)
+
+        def tangent(self, dstrain, state):
+            stress, after, tangent = self.wrapped.tangent(0.25 * dstrain, state)
+            return stress, after, 0.25 * tangent
+
+    found = Own(secant())
+    assert found.name == "own" and found.has_own_tangent
+    assert Own(found).name == "own"
+    assert HalfSteps(found).name == "own + HalfSteps"
+
+
+def test_a_changed_start_changes_the_conditioning() -> None:
+    class FromZero(CellWrapper):
+        def initial_state(self, conditions: Conditions) -> torch.Tensor:
+            return torch.zeros_like(self.wrapped.initial_state(conditions))
+
+    record = record_of("persistence", cell_of("persistence"))
+    found = FromZero(Persistence())
+    assert torch.equal(
+        found.condition_each(record)[:, 0], torch.zeros_like(found.condition(record))
+    )
+    assert found.name == Persistence().name
 
 
 def test_an_attribute_that_changes_in_the_cell_changes_in_the_wrapper() -> None:

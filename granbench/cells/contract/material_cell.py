@@ -95,8 +95,20 @@ class MaterialCell(abc.ABC):
     def tangent(self, dstrain: Tensor, state: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """One strain increment with its tangent.
 
-        Unless overridden it comes from automatic differentiation or, where `differentiated` finds
-        no derivative, from differences of steps.
+        =======================================  =================  =============================
+        cell                                     `has_own_tangent`  where its tangent comes from
+        =======================================  =================  =============================
+        overrides `tangent`                      True               its own method
+        does not, and torch can follow `step`    False              `differentiated`
+        does not, and torch cannot               False              differences of steps
+        `CellWrapper` that overrides `step`      False              as the two rows above
+        any other `CellWrapper`                  as wrapped         the wrapped cell
+        =======================================  =================  =============================
+
+        Newton's method uses it where `cheap_tangent` is True, and else differences of steps
+        (`granbench.cells.difference_tangent`). Before a model is scored, driven or put into an
+        analysis, `granbench.cells.check` sets `cheap_tangent` to False where torch cannot follow
+        the step, or the tangent is far from the change of stress.
 
         Parameters
         ----------

@@ -12,7 +12,7 @@ from granbench.errors import AnalysisError
 
 
 @final
-class TimedCell(CellWrapper):
+class TimedCell(CellWrapper, same_model=True):
     """A cell that returns what the wrapped one returns, to the last bit.
 
     Parameters
