@@ -70,11 +70,13 @@ fuzz: setup
 bench: setup
 	@for script in benchmarks/*.py; do $(BIN)/python $$script; done
 
-# mypy cannot follow the folder mapping of an editable install: it reads the unpacked wheel.
+# mypy cannot follow the folder mapping of an editable install: it reads the unpacked wheel. The
+# egg-info of the build would hide entry points that are added later.
 lint: setup
 	$(BIN)/ruff check $(RUFF_FOLDERS)
 	$(BIN)/ruff format --check $(RUFF_FOLDERS)
 	@rm -rf build && $(BIN)/python -m build --wheel --no-isolation --outdir build/wheel . >/dev/null
+	@rm -rf granbench.egg-info
 	@$(BIN)/python -m zipfile --extract build/wheel/*.whl build/unpacked
 	MYPYPATH=build/unpacked $(BIN)/mypy -p granbench
 

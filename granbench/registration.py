@@ -6,6 +6,7 @@ entry-point group; no module of GranBench holds a second list of the names.
 
 import sys
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, TypeVar
@@ -15,6 +16,19 @@ from granbench.errors import GranbenchError, RegistryError, alternatives
 OWN_DISTRIBUTION = "granbench"
 
 Registered = TypeVar("Registered")
+
+
+@dataclass(frozen=True)
+class _Registration:
+    """An entry point with the name of its package, which is read while its files can be found."""
+
+    point: EntryPoint
+    package: str
+
+    @property
+    def own(self) -> bool:
+        """Whether GranBench itself registers it."""
+        return self.package.lower() == OWN_DISTRIBUTION
 
 
 class Registry(Mapping[str, Registered], Generic[Registered]):
@@ -51,16 +65,16 @@ class Registry(Mapping[str, Registered], Generic[Registered]):
         self.error = error
 
     def __getitem__(self, name: str) -> Registered:
-        return self._checked(self._point(name))
+        return self._checked(self._entry(name))
 
     def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and name in _points_by_name(self.group, tuple(sys.path))
+        return isinstance(name, str) and name in _entries_by_name(self.group, tuple(sys.path))
 
     def __iter__(self) -> Iterator[str]:
         return iter(registered_names(self.group))
 
     def __len__(self) -> int:
-        return len(_points_by_name(self.group, tuple(sys.path)))
+        return len(_entries_by_name(self.group, tuple(sys.path)))
 
     def find(self, name: str) -> Registered:
         """The object of that name.
@@ -77,7 +91,7 @@ class Registry(Mapping[str, Registered], Generic[Registered]):
 
     def own(self, name: str) -> bool:
         """Whether GranBench itself registers the name, so that its own object is used."""
-        return any(map(_is_own, self._points(name)))
+        return any(entry.own for entry in self._entries(name))
 
     def package(self, name: str) -> str | None:
         """Name of the package that registers a name; None for GranBench itself.
@@ -87,30 +101,32 @@ class Registry(Mapping[str, Registered], Generic[Registered]):
         KeyError
             If none does.
         """
-        point = self._point(name)
-        return None if _is_own(point) else _package(point)
+        entry = self._entry(name)
+        return None if entry.own else entry.package
 
-    def _points(self, name: str) -> tuple[EntryPoint, ...]:
-        return _points_by_name(self.group, tuple(sys.path)).get(name, ())
+    def _entries(self, name: str) -> tuple[_Registration, ...]:
+        return _entries_by_name(self.group, tuple(sys.path)).get(name, ())
 
-    def _point(self, name: str) -> EntryPoint:
-        points = self._points(name)
-        if not points:
+    def _entry(self, name: str) -> _Registration:
+        entries = self._entries(name)
+        if not entries:
             raise KeyError(name)
-        if self.own(name):
-            return next(filter(_is_own, points))
-        if len({point.value for point in points}) > 1:
-            packages = " and ".join(sorted(map(_package, points)))
+        for entry in entries:
+            if entry.own:
+                return entry
+        if len({entry.point.value for entry in entries}) > 1:
+            packages = " and ".join(sorted(entry.package for entry in entries))
             raise self.error(
                 f"{self.kind} {name!r} is registered more than once, by the packages {packages}; "
                 "uninstall one of them"
             )
-        return points[0]
+        return entries[0]
 
-    def _checked(self, point: EntryPoint) -> Any:
+    def _checked(self, entry: _Registration) -> Any:
         """The object behind an entry point, if it is what the group holds."""
+        point = entry.point
         where = (
-            f"{self.kind} {point.name!r}, which the package {_package(point)} registers as "
+            f"{self.kind} {point.name!r}, which the package {entry.package} registers as "
             f"{point.value},"
         )
         remedy = "correct or uninstall that package"
@@ -131,21 +147,14 @@ class Registry(Mapping[str, Registered], Generic[Registered]):
 
 def registered_names(group: str) -> list[str]:
     """Names in an entry-point group, sorted; nothing is imported."""
-    return sorted(_points_by_name(group, tuple(sys.path)))
+    return sorted(_entries_by_name(group, tuple(sys.path)))
 
 
 @cache
-def _points_by_name(group: str, path: tuple[str, ...]) -> Mapping[str, tuple[EntryPoint, ...]]:
+def _entries_by_name(group: str, path: tuple[str, ...]) -> Mapping[str, tuple[_Registration, ...]]:
     """Entry points of a group by name; they are read again where the import path has changed."""
-    found: dict[str, tuple[EntryPoint, ...]] = {}
+    found: dict[str, tuple[_Registration, ...]] = {}
     for point in entry_points(group=group):
-        found[point.name] = (*found.get(point.name, ()), point)
+        package = point.module if point.dist is None else point.dist.name
+        found[point.name] = (*found.get(point.name, ()), _Registration(point, package))
     return found
-
-
-def _is_own(point: EntryPoint) -> bool:
-    return point.dist is not None and point.dist.name.lower() == OWN_DISTRIBUTION
-
-
-def _package(point: EntryPoint) -> str:
-    return point.module if point.dist is None else point.dist.name

@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from plug_in import install
+from plug_in import install, python
 
 from granbench.cells.find import find_cells
 from granbench.errors import ModelError, SubmissionError
@@ -44,6 +44,20 @@ def test_a_model_of_another_package_is_found_by_its_name(plug_in) -> None:
     assert not MODELS.own("plug-in-clay")
     with pytest.raises(SubmissionError, match="plug-in-clay"):
         require_data_only(found)  # a rerun of a submission runs GranBench's own code alone
+
+
+def test_the_package_of_a_name_is_known_after_a_change_of_folder(tmp_path: Path) -> None:
+    """A package may be found by a relative path, as metadata in the folder of a checkout is."""
+    entry = "plug-in-clay = my_models:Clay"
+    install(tmp_path, {"my_models.py": SOURCE}, "granbench.models", entry, package="my-models")
+    python(
+        tmp_path,
+        "import os, sys; sys.path[:] = ['', *(p for p in sys.path if p not in ('', os.getcwd()))]\n"
+        "from granbench.models import MODELS\n"
+        "assert 'plug-in-clay' in MODELS\n"
+        "os.chdir('/')\n"
+        "assert MODELS.package('plug-in-clay') == 'my-models'\n",
+    )
 
 
 def test_a_model_of_granbench_has_priority_over_another_of_its_name(plug_in) -> None:

@@ -137,7 +137,8 @@ def test_a_submission_is_valid_with_and_refused_without_the_package_of_an_axis(
 )  # fmt: skip
 def test_an_axis_that_uses_a_name_of_another_is_refused(tmp_path: Path, change, named) -> None:
     install(tmp_path, {"toy_axis.py": AXIS.replace(*change)}, "granbench.axes", ENTRY_POINT)
-    error = " ".join(refused(tmp_path, "task", "info", "dem-triaxial-mini").split())
+    words_of_command = ("evaluate", "persistence", "--task", "dem-triaxial-mini", "--axis", "toy")
+    error = " ".join(refused(tmp_path, *words_of_command, "--out", "toy.json").split())
     for words in ("axis 'toy'", *named):
         assert words in error
 
