@@ -95,7 +95,9 @@ class PathNetwork(nn.Module, abc.ABC):
         -------
         standardised stress (point, component); hidden state after the step (point, `memory`)
         """
-        raise NotImplementedError
+        raise NotImplementedError(
+            f"{type(self).__name__} must define `advance`, or a `step_module` of its own"
+        )
 
     def step_module(self) -> nn.Module:
         """The step of the cell: from strain increment and hidden state in rows, see `_Step`.

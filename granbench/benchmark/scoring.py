@@ -22,15 +22,7 @@ def scored_predictions(
     normalisation: Normalisation,
     task: Task | None = None,
 ) -> ScoredPredictions:
-    """Predictions with the records that they are compared with.
-
-    Parameters
-    ----------
-    predictions : see `granbench.benchmark.predictions`
-    truth : the records of exactly the predicted paths
-    normalisation : training standard deviations
-    task : gives the embedded analyses, the ground truth and the axes; None for the records alone,
-        which have no analyses
+    """Predictions with the records that they are compared with; arguments as of `score`.
 
     Raises
     ------
